@@ -1,0 +1,59 @@
+"""The README does not promise what is not there: its scene passes `moraine check`, and each command that it lists exists.
+
+usage: readme_test.py ROOT PROGRAM
+"""
+
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+PROGRAM = sys.argv.pop()
+ROOT = sys.argv.pop()
+with open(os.path.join(ROOT, "README.md"), encoding="utf-8") as file:
+    README = file.read()
+
+
+def run(*arguments):
+    done = subprocess.run(arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, universal_newlines=True, check=False)
+    return done.returncode, done.stdout
+
+
+class Readme(unittest.TestCase):
+    def test_its_scene_can_be_run(self):
+        scenes = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+        self.assertEqual(len(scenes), 1)
+        with tempfile.TemporaryDirectory() as folder:
+            scene = os.path.join(folder, "scene.toml")
+            with open(scene, "w", encoding="utf-8") as file:
+                file.write(scenes[0])
+            code, output = run(PROGRAM, "check", scene)
+        self.assertEqual(code, 0, output)
+
+    def test_each_command_that_it_lists_exists(self):
+        commands = re.findall(r"^\| `\./moraine (\w+)", README, re.MULTILINE)
+        self.assertGreater(len(commands), 5)
+        for command in commands:
+            if command in ("build", "test", "bench"):  # the launcher's own
+                continue
+            with self.subTest(command=command):
+                code, output = run(PROGRAM, command, "--help")
+                self.assertEqual(code, 0, output)
+                self.assertIn(command, output)
+
+    def test_each_option_of_run_that_it_shows_exists(self):
+        output = run(PROGRAM, "run", "--help")[1]
+        for option in set(re.findall(r"(?<![\w-])--(?:layout|out|set|restart|until)\b", README)):
+            with self.subTest(option=option):
+                self.assertIn(option, output)
+
+    def test_each_file_and_folder_that_it_links_to_exists(self):
+        for link in re.findall(r"\]\((?!https?:)([^)#]+)\)|<img src=\"([^\"]+)\"", README):
+            with self.subTest(link=link):
+                self.assertTrue(os.path.exists(os.path.join(ROOT, link[0] or link[1])))
+
+
+if __name__ == "__main__":
+    unittest.main()
