@@ -1,0 +1,85 @@
+// Sweeps: a contact law run over a range of pairs or wall touches, one contact a lane.
+//
+// Words: a pair is two grains a and b, a of the lower gid, near enough to touch before the next rebuild. A slot receives what
+// a pair gives: force on a (the negative is on b), with rotation also the moment, with the ledger also the energy lost.
+// Slots are summed by kernels/motion in the order of the other's gid.
+#pragma once
+
+#include <cstdint>
+
+#include "kernels/base/range.hpp"
+#include "kernels/base/vec3.hpp"
+#include "kernels/contact/parameters.hpp"
+
+namespace moraine {
+
+/// Ranges of pairs begin and end at multiples of this; they are filled up with pairs of the dummy grain.
+inline constexpr std::int64_t pair_group = 8;
+
+/// Doubles in a slot: F lever_a | M lever_b | losses (normal dashpot, tangential dashpot, friction, -).
+constexpr int slot_size(bool has_rotation, bool has_ledger) { return 4 + (has_rotation ? 4 : 0) + (has_ledger ? 4 : 0); }
+/// Doubles in a grain's record (see engine/particles/fields.hpp).
+constexpr int record_size(bool has_rotation) { return has_rotation ? 12 : 8; }
+
+struct PairSweep {
+  const double* records = nullptr;       // of all grains and the dummy, which lies nowhere (NaN)
+  const std::int32_t* a = nullptr;       // grain of lower gid
+  const std::int32_t* b = nullptr;       // grain of higher gid
+  const std::uint8_t* image = nullptr;   // periodic image code of each pair; nullptr: no periodic direction
+  const Vec3* image_shift = nullptr;     // [m] by code: x_a - x_b + shift is the separation
+  const std::uint8_t* species = nullptr; // row of the law table; nullptr: row 0 for all (uniform)
+  double* history = nullptr;             // four doubles a pair: tangential displacement [m], energy stored in it [J]
+  const LawTable* table = nullptr;
+  double inverse_mass = 0.0;             // [1/kg] of every grain (uniform)
+  double radius = 0.0;                   // [m] of every grain (uniform)
+  double dt = 0.0;                       // [s]
+  double max_overlap = 1.0;              // [-] of the smaller radius: beyond it the run is to be stopped
+};
+
+struct SweepResult {
+  std::int64_t n_touching = 0;
+  bool has_large_overlap = false;
+};
+
+/// Runs the law over `pairs` and writes their slots, the first at `slots`.
+using PairKernel = SweepResult (*)(const PairSweep& sweep, Range pairs, double* slots);
+
+/// Touches of grains with walls, in arrays; as many rows as touches, filled up to pair_group with rows of the dummy grain.
+struct WallTouches {
+  const std::int32_t* grain = nullptr;
+  const double* normal_x = nullptr;      // unit vector from the wall to the grain
+  const double* normal_y = nullptr;
+  const double* normal_z = nullptr;
+  const double* distance = nullptr;      // [m] from the wall to the centre
+  const double* velocity_x = nullptr;    // [m/s] of the wall where it is touched
+  const double* velocity_y = nullptr;
+  const double* velocity_z = nullptr;
+  const double* mirror = nullptr;        // 1: a wall; 2: a mirror, in which the grain meets its own image
+  const std::uint8_t* species = nullptr;
+  double* history = nullptr;             // four doubles a touch, as for pairs
+  double* slots = nullptr;               // force on the grain, as for pairs with the grain as a
+};
+
+struct WallSweep {
+  const double* records = nullptr;
+  WallTouches touches;
+  const LawTable* table = nullptr;       // of grains with walls
+  double dt = 0.0;                       // [s]
+  double max_overlap = 1.0;              // [-] of the radius
+};
+
+using WallKernel = SweepResult (*)(const WallSweep& sweep, Range touches);
+
+struct ContactKernels {
+  PairKernel pairs = nullptr;
+  WallKernel walls = nullptr;
+};
+
+/// The compiled kernels of a combination, for this machine's instruction set; null where the combination is not listed.
+ContactKernels contact_kernels(const LawChoice& choice);
+/// True where the combination of laws has been compiled.
+bool is_listed(NormalLaw normal, TangentialLaw tangential);
+/// The instruction set that the kernels were chosen for, for example "AVX3".
+const char* instruction_set();
+
+}  // namespace moraine

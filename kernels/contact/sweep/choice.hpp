@@ -1,0 +1,9 @@
+// The families of compiled kernels; callers use contact_kernels() in kernels/contact/sweep.hpp.
+#pragma once
+
+#include "kernels/contact/sweep.hpp"
+
+namespace moraine {
+ContactKernels linear_kernels(const LawChoice& choice);
+ContactKernels hertz_kernels(const LawChoice& choice);
+}  // namespace moraine

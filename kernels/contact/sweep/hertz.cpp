@@ -1,0 +1,34 @@
+// The combinations of the hertz normal law, for every instruction set that is dispatched to.
+#include "kernels/contact/sweep/choice.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/contact/sweep/hertz.cpp"
+#include <hwy/foreach_target.h>
+// after foreach_target
+#include "kernels/contact/sweep/sweeps-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace moraine {
+namespace HWY_NAMESPACE {
+
+ContactKernels choose_hertz(const LawChoice& choice) {
+  switch (choice.tangential) {
+    case TangentialLaw::none: return choose<NormalLaw::hertz, TangentialLaw::none>(choice);
+    case TangentialLaw::viscous: return choose<NormalLaw::hertz, TangentialLaw::viscous>(choice);
+    case TangentialLaw::spring: return choose<NormalLaw::hertz, TangentialLaw::spring>(choice);
+    case TangentialLaw::mindlin: return choose<NormalLaw::hertz, TangentialLaw::mindlin>(choice);
+    case TangentialLaw::power: return choose<NormalLaw::hertz, TangentialLaw::power>(choice);
+  }
+  return {};
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace moraine
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace moraine {
+HWY_EXPORT(choose_hertz);
+ContactKernels hertz_kernels(const LawChoice& choice) { return HWY_DYNAMIC_DISPATCH(choose_hertz)(choice); }
+}  // namespace moraine
+#endif

@@ -1,0 +1,132 @@
+#include "kernels/motion/motion.hpp"
+
+#include "kernels/contact/sweep.hpp"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "kernels/motion/motion.cpp"
+#include <hwy/foreach_target.h>
+// after foreach_target
+#include "kernels/base/simd/lanes-inl.hpp"
+
+HWY_BEFORE_NAMESPACE();
+namespace moraine {
+namespace HWY_NAMESPACE {
+
+struct Sum {
+  Quad force, moment, lost;
+};
+
+template <bool has_rotation, bool has_ledger>
+HWY_INLINE Sum sum_of_contacts(const GrainSums& sums, std::int32_t i, std::int64_t& w) {
+  constexpr int slot = slot_size(has_rotation, has_ledger);
+  Sum sum{set_quad(0.0), set_quad(0.0), set_quad(0.0)};
+  const std::uint32_t end = sums.offsets[i - sums.first_grain + 1];
+  for (std::uint32_t q = sums.offsets[i - sums.first_grain]; q < end; ++q) {
+    const Entry entry = sums.entries[q];
+    const bool is_b = (entry & entry_is_b) != 0;
+    const std::uint32_t index = entry >> 2;
+    const double* s = (entry & entry_is_kept) ? sums.kept + std::int64_t{index} * slot
+                                              : sums.ring + std::int64_t{index & sums.ring_mask} * slot;
+    const Quad f = load_quad(s);
+    sum.force = sum.force + flip_sign(f, static_cast<std::uint64_t>(is_b) << 63);
+    if constexpr (has_rotation) {
+      const Quad m = load_quad(s + 4);
+      sum.moment = sum.moment - last_of(load_quad(s + (is_b ? 4 : 0))) * m;
+    }
+    if constexpr (has_ledger)
+      if (!is_b) sum.lost = sum.lost + load_quad(s + slot - 4);
+  }
+  for (; w < sums.n_wall && sums.wall_grain[w] == i; ++w) {
+    const double* s = sums.wall_slots + w * slot;
+    const Quad f = load_quad(s);
+    sum.force = sum.force + f;
+    if constexpr (has_rotation) sum.moment = sum.moment - last_of(f) * load_quad(s + 4);
+    if constexpr (has_ledger) sum.lost = sum.lost + load_quad(s + slot - 4);
+  }
+  return sum;
+}
+
+template <bool has_rotation, bool has_ledger>
+MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Range range) {
+  constexpr int stride = record_size(has_rotation);
+  const Kick& kick = sums.kick;
+  alignas(32) const double g4[4] = {kick.gravity.x, kick.gravity.y, kick.gravity.z, 0.0};
+  alignas(32) const double low4[4] = {sums.inside.low.x, sums.inside.low.y, sums.inside.low.z, 0.0};
+  alignas(32) const double high4[4] = {sums.inside.high.x, sums.inside.high.y, sums.inside.high.z, 1e300};
+  alignas(32) const double moves4[4] = {1.0, 1.0, kick.is_flat ? 0.0 : 1.0, 1.0};
+  alignas(32) const double spins4[4] = {kick.is_flat ? 0.0 : 1.0, kick.is_flat ? 0.0 : 1.0, 1.0, 1.0};
+  const Quad gravity = load_quad(g4), low = load_quad(low4), high = load_quad(high4);
+  const Quad moves = load_quad(moves4), spins = load_quad(spins4);
+  const Quad keep = set_quad(kick.keep), gain = set_quad(kick.gain), drift = set_quad(kick.drift);
+  const Quad spin_gain = set_quad(kick.spin_gain);
+  Quad outside = set_quad(0.0), fastest = set_quad(0.0), finite = set_quad(0.0);
+  std::int64_t w = 0;
+  for (std::int64_t n = range.begin; n < range.end; ++n) {
+    const std::int32_t i = list ? list[n] : static_cast<std::int32_t>(n);
+    const Sum sum = sum_of_contacts<has_rotation, has_ledger>(sums, i, w);
+    double* const record = sums.records + std::int64_t{i} * stride;
+    const Quad v_old = load_quad(record + 4);
+    const Quad acceleration = fma(sum.force, last_of(v_old), gravity) * moves;
+    const Quad v_new = fma(acceleration, gain, v_old * keep);
+    const Quad x_old = load_quad(record);
+    const Quad x_new = fma(v_new, drift, x_old);
+    store_quad(record + 4, with_last(v_new, v_old));
+    store_quad(record, with_last(x_new, x_old));
+    const Quad squared = v_new * v_new;
+    fastest = max(fastest, squared);
+    finite = fma(squared, set_quad(0.0), finite);  // stays zero unless something is infinite or not a number
+    outside = or_outside(outside, x_new, low, high);
+    if constexpr (has_rotation) {
+      const Quad w_old = load_quad(record + 8);
+      const Quad w_new = fma(sum.moment * spins, last_of(w_old) * spin_gain, w_old);
+      store_quad(record + 8, with_last(w_new, w_old));
+    }
+    if constexpr (has_ledger) {
+      alignas(32) double mean[4];
+      store_quad(mean, v_old + v_new);
+      const double squares = mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2];
+      double* const lost = sums.dissipated + 4 * std::int64_t{i};
+      alignas(32) double contacts[4];
+      store_quad(contacts, sum.lost);
+      for (int k = 0; k < 3; ++k) lost[k] += contacts[k];
+      if (record[7] > 0.0) lost[3] += kick.drag_loss / record[7] * squares;
+    }
+    if (sums.force) {
+      alignas(32) double values[4];
+      store_quad(values, sum.force);
+      for (int k = 0; k < 3; ++k) sums.force[3 * std::int64_t{i} + k] = values[k];
+      if constexpr (has_rotation) {
+        if (sums.torque) {
+          store_quad(values, sum.moment);
+          for (int k = 0; k < 3; ++k) sums.torque[3 * std::int64_t{i} + k] = values[k];
+        }
+      }
+    }
+  }
+  alignas(32) double squares[4], zeros[4];
+  store_quad(squares, fastest);
+  store_quad(zeros, finite);
+  MotionResult result;
+  result.max_speed_squared = squares[0] + squares[1] + squares[2];
+  result.is_any_outside = any_set(outside);
+  result.is_any_not_finite = !(zeros[0] == 0.0 && zeros[1] == 0.0 && zeros[2] == 0.0);
+  return result;
+}
+
+MotionKernel choose_motion(bool has_rotation, bool has_ledger) {
+  if (has_rotation) return has_ledger ? &advance_grains<true, true> : &advance_grains<true, false>;
+  return has_ledger ? &advance_grains<false, true> : &advance_grains<false, false>;
+}
+
+}  // namespace HWY_NAMESPACE
+}  // namespace moraine
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace moraine {
+HWY_EXPORT(choose_motion);
+MotionKernel motion_kernel(bool has_rotation, bool has_ledger) {
+  return HWY_DYNAMIC_DISPATCH(choose_motion)(has_rotation, has_ledger);
+}
+}  // namespace moraine
+#endif

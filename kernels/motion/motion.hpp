@@ -1,0 +1,67 @@
+// Summing the forces of each grain in canonical order, and advancing it.
+//
+// Integration: leapfrog, velocities half a step before positions,
+//   v(n+1/2) = v(n-1/2) + a(n) dt,   x(n+1) = x(n) + v(n+1/2) dt,
+// which is the kick-drift-kick form of velocity Verlet with one force evaluation a step (Verlet 1967; Hairer, Lubich &
+// Wanner 2003). The first kick is half a step. Bulk viscosity F = -c m v is taken at the mean of the old and the new velocity.
+//
+// A grain's force is the sum over its pairs in the order of its entries (by the other's gid), then over its wall touches.
+#pragma once
+
+#include <cstdint>
+
+#include "kernels/base/box.hpp"
+#include "kernels/base/range.hpp"
+
+namespace moraine {
+
+/// Where a pair's slot is and with which sign it enters: slot index << 2 | is_kept << 1 | is_b.
+using Entry = std::uint32_t;
+inline constexpr Entry entry_is_b = 1;
+inline constexpr Entry entry_is_kept = 2;
+constexpr Entry make_entry(std::uint32_t slot, bool is_kept, bool is_b) {
+  return slot << 2 | (is_kept ? entry_is_kept : 0) | (is_b ? entry_is_b : 0);
+}
+
+/// The kick of one step.
+struct Kick {
+  double keep = 1.0;       // factor of the old velocity: (1 - c dt/2)/(1 + c dt/2)
+  double gain = 0.0;       // [s] factor of the acceleration: dt/(1 + c dt/2)
+  double spin_gain = 0.0;  // [s] the same of the angular acceleration: dt
+  double drift = 0.0;      // [s] dt
+  double drag_loss = 0.0;  // [1] share of m |v_old + v_new|^2 lost to bulk viscosity in the step: c dt/4
+  Vec3 gravity;            // [m/s2]
+  bool is_flat = false;    // two dimensions: no motion along z, no spin but about z
+};
+
+struct GrainSums {
+  double* records = nullptr;
+  std::int32_t first_grain = 0;            // offsets[0] belongs to this grain
+  const std::uint32_t* offsets = nullptr;  // entries of grain i: [offsets[i - first], offsets[i - first + 1])
+  const Entry* entries = nullptr;
+  const double* ring = nullptr;            // slots, by slot index & ring_mask
+  std::uint32_t ring_mask = 0;
+  const double* kept = nullptr;            // slots that stay, by slot index
+  // Wall touches of the grains to be advanced, in their order.
+  const std::int32_t* wall_grain = nullptr;
+  const double* wall_slots = nullptr;
+  std::int64_t n_wall = 0;
+  Box inside;                              // grains that leave it are reported
+  Kick kick;
+  double* dissipated = nullptr;            // four doubles a grain, or nullptr
+  double* force = nullptr;                 // contact force of each grain, three doubles, or nullptr [N]
+  double* torque = nullptr;                // [N m]
+};
+
+struct MotionResult {
+  double max_speed_squared = 0.0;  // [m2/s2] an upper bound of the grains' (largest components)
+  bool is_any_outside = false;
+  bool is_any_not_finite = false;
+};
+
+/// Advances the grains `list[range]`, or the grains of `range` themselves where list is nullptr.
+using MotionKernel = MotionResult (*)(const GrainSums& sums, const std::int32_t* list, Range range);
+
+MotionKernel motion_kernel(bool has_rotation, bool has_ledger);
+
+}  // namespace moraine
