@@ -1,0 +1,70 @@
+// Cells at least as wide as two grains can be apart and still be a pair, and the order of the grains along them.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "engine/particles/particles.hpp"
+#include "kernels/base/box.hpp"
+#include "kernels/search/pair_filter.hpp"
+
+namespace moraine {
+
+/// Periodic image of a grain, two to either side along each axis. Code 0 is the grain itself. With `shift` of the code,
+/// x_a - x_b + shift is the separation of a from that image of b.
+namespace image {
+constexpr std::uint8_t code(int x, int y, int z) {
+  return static_cast<std::uint8_t>((x + 5) % 5 + 5 * ((y + 5) % 5) + 25 * ((z + 5) % 5));
+}
+constexpr std::array<int, 3> steps(std::uint8_t code) {
+  const auto signed_step = [](int digit) { return digit > 2 ? digit - 5 : digit; };
+  return {signed_step(code % 5), signed_step(code / 5 % 5), signed_step(code / 25)};
+}
+constexpr std::uint8_t inverse(std::uint8_t c) {
+  const auto s = steps(c);
+  return code(-s[0], -s[1], -s[2]);
+}
+/// Of a grain and its own image, the one of the two codes that stands for both.
+constexpr bool is_positive(std::uint8_t c) {
+  const auto s = steps(c);
+  return s[0] != 0 ? s[0] > 0 : s[1] != 0 ? s[1] > 0 : s[2] > 0;
+}
+inline constexpr std::size_t n_codes = 125;
+}  // namespace image
+
+/// Cells over the grains; axes by role: slow (most cells), middle, fast (neighbours in memory).
+class Cells {
+ public:
+  /// Lays the cells out for grains whose centres may come nearer than `reach` [m], and finds the sorted order of the grains
+  /// (those that have left are left out).
+  void sort(const Particles& particles, const Box& domain, const std::array<bool, 3>& periodic, double reach, int n_threads);
+
+  /// order()[i] is the present place of the grain that comes to place i.
+  const std::vector<std::int32_t>& order() const { return order_; }
+
+  struct Run {
+    Range grains;        // places in sorted order
+    std::uint8_t image;  // code of these grains seen from the asking one
+  };
+  /// Runs of grains that may be near grain i (by sorted place) and come after it. At most 27 runs.
+  int runs_after(std::int32_t i, Run* runs) const;
+  static constexpr int max_runs = 27;
+
+  /// Number of cells along the slow, middle and fast axis.
+  const std::array<int, 3>& counts() const { return counts_; }
+  std::size_t memory() const;
+
+ private:
+  std::array<int, 3> cell_of(Vec3 p) const;
+  std::array<int, 3> axes_{0, 1, 2};  // which axis is slow, middle, fast
+  std::array<int, 3> counts_{1, 1, 1};
+  std::array<bool, 3> wraps_{};       // by role
+  Vec3 low_;
+  Vec3 inverse_width_;
+  std::vector<std::int32_t> order_;
+  std::vector<std::int32_t> cell_begin_;  // of each cell, and the end
+  std::vector<std::int32_t> cell_of_;     // by sorted place
+};
+
+}  // namespace moraine

@@ -1,0 +1,203 @@
+#include "engine/contacts/contacts.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "engine/threads.hpp"
+
+namespace moraine {
+
+namespace {
+
+std::vector<Vec3> image_shifts(Vec3 period) {
+  std::vector<Vec3> shifts(image::n_codes);
+  for (std::uint8_t code = 0; code < image::n_codes; ++code) {
+    const auto steps = image::steps(code);
+    shifts[code] = {steps[0] * period.x, steps[1] * period.y, steps[2] * period.z};
+  }
+  return shifts;
+}
+
+LawChoice choose_laws(const Scene& scene, bool is_uniform) {
+  return {scene.contact.normal, scene.contact.tangential, scene.contact.rotation, is_uniform, scene.output.energy};
+}
+
+}  // namespace
+
+Contacts::Contacts(const Scene& scene, const Walls& walls, bool is_uniform, double inverse_mass, double radius)
+    : domain_(scene.domain.box()),
+      periodic_(scene.domain.periodic),
+      choice_(choose_laws(scene, is_uniform)),
+      laws_(scene),
+      kernels_(contact_kernels(choice_)),
+      motion_(motion_kernel(choice_.has_rotation, choice_.has_ledger)),
+      uniform_inverse_mass_(inverse_mass),
+      uniform_radius_(radius),
+      max_overlap_(scene.run.max_overlap),
+      walls_(&walls),
+      image_shift_(image_shifts(domain_.size())),
+      wall_contacts_(walls, scene.contact.tangential != TangentialLaw::none && scene.contact.tangential != TangentialLaw::viscous,
+                     slot_size(choice_.has_rotation, choice_.has_ledger)) {
+  needs_.has_history = choice_.tangential != TangentialLaw::none && choice_.tangential != TangentialLaw::viscous;
+  needs_.has_images = periodic_[0] || periodic_[1] || periodic_[2];
+  needs_.has_species = !is_uniform && laws_.n_pair_species > 1;
+  needs_.slot_size = slot_size(choice_.has_rotation, choice_.has_ledger);
+  needs_.species_table = laws_.pair_species.data();
+  needs_.n_materials = laws_.n_materials;
+}
+
+void Contacts::rebuild(Particles& particles, double skin, double time, int n_threads) {
+  build(particles, pairs_.carry(particles.size()), wall_contacts_.carry(), skin, time, n_threads);
+}
+
+void Contacts::restore(Particles& particles, PairCarry pairs, WallCarry walls, double skin, double time, int n_threads) {
+  build(particles, pairs, walls, skin, time, n_threads);
+}
+
+void Contacts::build(Particles& particles, const PairCarry& pairs, const WallCarry& walls, double skin, double time,
+                     int n_threads) {
+  double largest = 0.0;
+  for (std::int32_t i = 0; i < particles.size(); ++i) largest = std::max(largest, particles.radius(i));
+  cells_.sort(particles, domain_, periodic_, 2.0 * largest + skin, n_threads);
+  particles.reorder(cells_.order(), n_threads);
+  pairs_.build(particles, cells_, image_shift_, skin, needs_, cells_.order(), pairs, n_threads);
+  wall_contacts_.build(particles, pairs_, skin, time, cells_.order(), walls, n_threads);
+}
+
+struct Contacts::ThreadStep {
+  StepResult result;
+  char padding[64];  // threads write their own cache lines
+};
+
+void Contacts::advance(Particles& particles, const Kick& kick, double dt, int n_threads, StepResult& result) {
+  const int n_active = std::min(n_threads, static_cast<int>(pairs_.threads().size()));
+  std::vector<ThreadStep> steps(static_cast<std::size_t>(n_active));
+  parallel(n_active, [&](int thread) { advance_thread(particles, kick, dt, thread, steps[static_cast<std::size_t>(thread)]); });
+  result = StepResult{};
+  for (const ThreadStep& step : steps) {
+    result.n_touching += step.result.n_touching;
+    result.has_large_overlap = result.has_large_overlap || step.result.has_large_overlap;
+    result.is_any_not_finite = result.is_any_not_finite || step.result.is_any_not_finite;
+    result.max_speed = std::max(result.max_speed, step.result.max_speed);
+    result.outside.insert(result.outside.end(), step.result.outside.begin(), step.result.outside.end());
+  }
+  std::sort(result.outside.begin(), result.outside.end());
+}
+
+void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt, int thread, ThreadStep& step) {
+  ThreadPairs& mine = pairs_.threads()[static_cast<std::size_t>(thread)];
+  PairSweep sweep;
+  sweep.records = particles.records();
+  sweep.a = mine.a.data();
+  sweep.b = mine.b.data();
+  sweep.image = needs_.has_images ? mine.image.data() : nullptr;
+  sweep.image_shift = image_shift_.data();
+  sweep.species = needs_.has_species ? mine.species.data() : nullptr;
+  sweep.history = mine.history.data();
+  sweep.table = &laws_.pairs;
+  sweep.inverse_mass = uniform_inverse_mass_;
+  sweep.radius = uniform_radius_;
+  sweep.dt = dt;
+  sweep.max_overlap = max_overlap_;
+
+  GrainSums sums;
+  sums.records = particles.records();
+  sums.first_grain = mine.grain_begin;
+  sums.offsets = mine.offsets.data();
+  sums.entries = mine.entries.data();
+  sums.ring = mine.ring.data();
+  sums.ring_mask = mine.ring_mask;
+  sums.kept = pairs_.kept_slots();
+  sums.inside = domain_;
+  sums.kick = kick;
+  sums.dissipated = choice_.has_ledger ? particles.dissipated() : nullptr;
+  sums.force = particles.force();
+  sums.torque = particles.torque();
+
+  StepResult& result = step.result;
+  double speed_squared = 0.0;
+  const auto note = [&](const SweepResult& swept) {
+    result.n_touching += swept.n_touching;
+    result.has_large_overlap = result.has_large_overlap || swept.has_large_overlap;
+  };
+  const auto touch_walls = [&](Range candidates) {
+    sums.n_wall = 0;
+    if (candidates.empty()) return;
+    const std::int64_t n = wall_contacts_.touch(particles, thread, candidates, laws_.wall_species.data(), laws_.n_walls);
+    const WallTouches& touches = wall_contacts_.touches(thread);
+    note(kernels_.walls({particles.records(), touches, &laws_.walls, dt, max_overlap_}, {0, n}));
+    wall_contacts_.remember(thread, candidates);
+    sums.wall_grain = touches.grain;
+    sums.wall_slots = touches.slots;
+    sums.n_wall = n;
+  };
+  const auto advance_grains = [&](const std::int32_t* list, Range range) {
+    if (range.empty()) return;
+    const MotionResult moved = motion_(sums, list, range);
+    speed_squared = std::max(speed_squared, moved.max_speed_squared);
+    result.is_any_not_finite = result.is_any_not_finite || moved.is_any_not_finite;
+    if (!moved.is_any_outside) return;
+    for (std::int64_t n = range.begin; n < range.end; ++n) {
+      const std::int32_t i = list ? list[n] : static_cast<std::int32_t>(n);
+      if (particles.is_here(i) && !domain_.contains(particles.position(i))) result.outside.push_back(i);
+    }
+  };
+
+  const int slot = needs_.slot_size;
+  for (std::size_t t = 0; t < mine.tiles.size(); ++t) {
+    const Tile& tile = mine.tiles[t];
+    for (std::int64_t k = tile.ring_begin; k < tile.kept_begin;) {  // up to the end of the ring, then from its start
+      const std::int64_t place = k & mine.ring_mask;
+      const std::int64_t end = std::min(tile.kept_begin, k + (std::int64_t{mine.ring_mask} + 1 - place));
+      note(kernels_.pairs(sweep, {k, end}, mine.ring.data() + place * slot));
+      k = end;
+    }
+    if (tile.pair_end > tile.kept_begin)
+      note(kernels_.pairs(sweep, {tile.kept_begin, tile.pair_end}, pairs_.kept_slots() + std::int64_t{tile.kept_slot} * slot));
+    touch_walls(wall_contacts_.tile(thread, t));
+    if (tile.plain_begin < 0)
+      advance_grains(nullptr, {tile.grain_begin, tile.grain_end});
+    else
+      advance_grains(mine.plain.data(), {tile.plain_begin, tile.plain_end});
+  }
+  barrier();
+  touch_walls(wall_contacts_.deferred(thread));
+  advance_grains(mine.deferred.data(), {0, static_cast<std::int64_t>(mine.deferred.size())});
+  result.max_speed = std::sqrt(speed_squared);
+}
+
+ReferenceContact Contacts::pair_contact(const Particles& particles, std::int32_t a, std::int32_t b, std::uint8_t image,
+                                        const PairMemory* memory) const {
+  ReferenceContact contact;
+  const Vec3 separation = particles.position(a) - particles.position(b) + image_shift_[image];
+  const double distance = length(separation);
+  contact.overlap = particles.radius(a) + particles.radius(b) - distance;
+  if (!(contact.overlap > 0.0)) return contact;
+  contact.normal = separation / distance;
+  const auto body = [&](std::int32_t i) {
+    return ContactBody{particles.velocity(i), particles.angular_velocity(i), particles.inverse_mass(i), 1.0 / particles.radius(i),
+                       particles.radius(i) - 0.5 * contact.overlap};
+  };
+  contact.a = body(a);
+  contact.b = body(b);
+  if (memory) {
+    contact.displacement = {memory->displacement[0], memory->displacement[1], memory->displacement[2]};
+    contact.stored = memory->energy;
+  }
+  return contact;
+}
+
+ReferenceContact Contacts::wall_contact(const Particles& particles, const WallContact& touch, double mirror) const {
+  ReferenceContact contact;
+  contact.overlap = mirror * (particles.radius(touch.grain) - touch.touch.distance);
+  contact.normal = touch.touch.normal;
+  contact.a = {particles.velocity(touch.grain), particles.angular_velocity(touch.grain), particles.inverse_mass(touch.grain),
+               1.0 / particles.radius(touch.grain), touch.touch.distance};
+  contact.b.velocity = touch.wall_velocity;
+  contact.displacement = {touch.memory.displacement[0], touch.memory.displacement[1], touch.memory.displacement[2]};
+  contact.stored = touch.memory.energy;
+  return contact;
+}
+
+}  // namespace moraine

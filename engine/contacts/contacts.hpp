@@ -1,0 +1,143 @@
+// All contacts of a rank: finding them, keeping what they remember, and advancing the grains by their forces.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/contacts/cells.hpp"
+#include "engine/contacts/law_table.hpp"
+#include "engine/contacts/pair_list.hpp"
+#include "engine/contacts/wall_contacts.hpp"
+#include "engine/particles/particles.hpp"
+#include "engine/scene/scene.hpp"
+#include "engine/walls/walls.hpp"
+#include "kernels/contact/reference/reference.hpp"
+#include "kernels/contact/sweep.hpp"
+#include "kernels/motion/motion.hpp"
+
+namespace moraine {
+
+/// What one step found, for those who decide about the next.
+struct StepResult {
+  std::int64_t n_touching = 0;      // pairs and wall touches
+  bool has_large_overlap = false;
+  bool is_any_not_finite = false;
+  double max_speed = 0.0;           // [m/s] upper bound
+  std::vector<std::int32_t> outside;  // grains whose centre is outside the domain, ascending
+};
+
+/// A contact with all that the reference law makes of it, for the ledger, probes and messages.
+struct ContactReport {
+  std::int32_t grain = 0;
+  std::int32_t other = -1;       // the other grain, or -1
+  std::int32_t surface = -1;     // the surface, or -1
+  bool is_mirror = false;        // the surface is a mirror
+  double overlap = 0.0;          // [m]
+  double smaller_radius = 0.0;   // [m]
+  Vec3 point;                    // [m] where they touch (at `grain`'s side of periodic faces)
+  Vec3 normal;                   // from the other to `grain`
+  Vec3 other_point;              // [m] centre of the other grain
+  double stored = 0.0;           // [J] in the tangential spring before the step
+  ReferenceForce result;         // on `grain` as a
+};
+
+class Contacts {
+ public:
+  Contacts(const Scene& scene, const Walls& walls, bool is_uniform, double inverse_mass, double radius);
+
+  /// Forgets where grains were near each other and looks again: sorts the grains, removes those that have left, finds pairs
+  /// and wall candidates, and carries over what contacts remember.
+  void rebuild(Particles& particles, double skin, double time, int n_threads);
+  /// As rebuild, with the memory of a checkpoint; grains must be in order of gid.
+  void restore(Particles& particles, PairCarry pairs, WallCarry walls, double skin, double time, int n_threads);
+
+  /// Contact forces at the present positions, then kick and drift of all grains. `result.outside` and the rest are overwritten.
+  void advance(Particles& particles, const Kick& kick, double dt, int n_threads, StepResult& result);
+
+  /// Grain i has crossed periodic faces (see PairList::shift_images).
+  void shift_images(std::int32_t i, const std::array<int, 3>& steps) { pairs_.shift_images(i, steps); }
+
+  /// Calls f(ContactReport) for every touching contact at the present positions, in no particular order.
+  template <typename Function>
+  void for_each_contact(const Particles& particles, double dt, Function f) const;
+
+  PairCarry pair_carry(const Particles& particles) const { return pairs_.carry(particles.size()); }
+  WallCarry wall_carry() const { return wall_contacts_.carry(); }
+  bool has_history() const { return needs_.has_history; }
+  std::int64_t n_pairs() const { return pairs_.size(); }
+  const PairList& pairs() const { return pairs_; }
+  const Cells& cells() const { return cells_; }
+  std::size_t memory() const { return pairs_.memory() + wall_contacts_.memory() + cells_.memory(); }
+  const LawChoice& choice() const { return choice_; }
+  const SceneLaws& laws() const { return laws_; }
+
+ private:
+  void build(Particles& particles, const PairCarry& pairs, const WallCarry& walls, double skin, double time, int n_threads);
+  struct ThreadStep;
+  void advance_thread(Particles& particles, const Kick& kick, double dt, int thread, ThreadStep& step);
+  ReferenceContact pair_contact(const Particles& particles, std::int32_t a, std::int32_t b, std::uint8_t image,
+                                const PairMemory* memory) const;
+  ReferenceContact wall_contact(const Particles& particles, const WallContact& contact, double mirror) const;
+
+  Box domain_;
+  std::array<bool, 3> periodic_;
+  LawChoice choice_;
+  SceneLaws laws_;
+  ContactKernels kernels_;
+  MotionKernel motion_;
+  double uniform_inverse_mass_;
+  double uniform_radius_;
+  double max_overlap_;
+  const Walls* walls_;
+  PairNeeds needs_;
+  std::vector<Vec3> image_shift_;
+  Cells cells_;
+  PairList pairs_;
+  WallContacts wall_contacts_;
+};
+
+template <typename Function>
+void Contacts::for_each_contact(const Particles& particles, double dt, Function f) const {
+  pairs_.for_each(particles.dummy(), [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
+    const ReferenceContact contact = pair_contact(particles, a, b, image, memory);
+    if (!(contact.overlap > 0.0)) return;
+    const std::size_t species = needs_.has_species
+                                    ? laws_.pair_species[static_cast<std::size_t>(particles.material(a) * laws_.n_materials + particles.material(b))]
+                                    : 0;
+    ContactReport report;
+    report.grain = a;
+    report.other = b;
+    report.overlap = contact.overlap;
+    report.smaller_radius = std::min(particles.radius(a), particles.radius(b));
+    report.normal = contact.normal;
+    report.point = particles.position(a) - contact.a.arm * contact.normal;
+    report.other_point = particles.position(b);
+    report.stored = contact.stored;
+    report.result = reference_contact(choice_.normal, choice_.tangential, choice_.has_rotation, laws_.pairs.at(species), contact, dt);
+    f(report);
+  });
+  wall_contacts_.for_each(particles, [&](const WallContact& touch) {
+    const Surface& surface = walls_->surfaces()[static_cast<std::size_t>(touch.surface)];
+    const double mirror = surface.kind == SurfaceKind::mirror ? 2.0 : 1.0;
+    const ReferenceContact contact = wall_contact(particles, touch, mirror);
+    const std::size_t species =
+        laws_.wall_species[static_cast<std::size_t>(particles.material(touch.grain) * laws_.n_walls + surface.wall)];
+    ContactReport report;
+    report.grain = touch.grain;
+    report.surface = touch.surface;
+    report.is_mirror = mirror == 2.0;
+    report.overlap = particles.radius(touch.grain) - touch.touch.distance;
+    report.smaller_radius = particles.radius(touch.grain);
+    report.normal = touch.touch.normal;
+    report.point = particles.position(touch.grain) - touch.touch.distance * touch.touch.normal;
+    report.other_point = report.point;
+    report.stored = contact.stored;
+    report.result = reference_contact(choice_.normal, choice_.tangential, choice_.has_rotation, laws_.walls.at(species), contact,
+                                      dt, mirror);
+    f(report);
+  });
+}
+
+}  // namespace moraine

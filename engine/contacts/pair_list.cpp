@@ -1,0 +1,377 @@
+#include "engine/contacts/pair_list.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <cmath>
+
+#include "engine/threads.hpp"
+#include "kernels/contact/sweep.hpp"
+
+namespace moraine {
+
+namespace {
+
+/// Grains in a tile: its pairs' slots and its records fit in the second-level cache beside the ring.
+constexpr std::int32_t tile_size = 512;
+/// Fewer grains than this are not worth a thread of their own.
+constexpr std::int32_t min_grains_per_thread = 64;
+/// Work of a grain beside its pairs, in pairs.
+constexpr std::int64_t grain_work = 4;
+
+constexpr std::int64_t round_up(std::int64_t k) { return (k + pair_group - 1) / pair_group * pair_group; }
+
+std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+const PairMemory* PairCarry::find(std::int32_t first, std::int32_t second, std::uint8_t image) const {
+  if (items.empty()) return nullptr;
+  for (const auto& [owner, other] : {std::pair{first, second}, std::pair{second, first}})
+    for (std::int64_t k = begin[at(owner)]; k < begin[at(owner) + 1]; ++k)
+      if (items[at(k)].other == other && items[at(k)].image == image) return &items[at(k)].memory;
+  return nullptr;
+}
+
+void PairList::build(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin,
+                     const PairNeeds& needs, std::span<const std::int32_t> was_at, const PairCarry& carry, int n_threads) {
+  const std::int32_t n = particles.size();
+  const int n_active = std::max(1, std::min(n_threads, n / min_grains_per_thread));
+  search(particles, cells, needs.has_images ? image_shift : std::span<const Vec3>{}, skin, n_active);
+  cut(n, n_active);
+  is_deferred_.assign(at(n), 0);
+  cross_.assign(at(n_active), {});
+  kept_base_.assign(at(n_active) + 1, 0);
+  parallel(n_active, [&](int thread) {
+    mark_deferred(thread);
+    barrier();
+    lay_out(particles, needs, was_at, carry, thread);
+  });
+  for (std::size_t t = 0; t < at(n_active); ++t) kept_base_[t + 1] += kept_base_[t];
+  kept_.resize_discarding(at(std::int64_t{kept_base_.back()} * needs.slot_size));
+  raw_.clear();
+  parallel(n_active, [&](int thread) { index_entries(particles, needs, thread); });
+}
+
+void PairList::search(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin,
+                      int n_threads) {
+  const std::int32_t n = particles.size();
+  // Coordinates in arrays of their own for the filter, with room for a vector behind the last.
+  const std::size_t row = at(n) + 8;
+  AlignedArray<double> coordinates;
+  coordinates.resize_discarding(4 * row);
+  const Spheres spheres{coordinates.data(), coordinates.data() + row, coordinates.data() + 2 * row, coordinates.data() + 3 * row};
+  const PairFilter filter = pair_filter();
+  raw_.resize(at(n_threads));
+  parallel(n_threads, [&](int thread) {
+    const Range share = share_of(n, thread, n_threads);
+    for (std::int64_t i = share.begin; i < share.end; ++i)
+      for (int c = 0; c < 4; ++c) coordinates[static_cast<std::size_t>(c) * row + at(i)] = particles.record(i)[c];
+    if (thread == 0)
+      for (std::size_t c = 0; c < 4; ++c) std::fill_n(coordinates.data() + c * row + at(n), 8, 0.0);
+    barrier();
+    RawChunk& chunk = raw_[at(thread)];
+    chunk.grain_begin = static_cast<std::int32_t>(share.begin);
+    chunk.grain_end = static_cast<std::int32_t>(share.end);
+    chunk.offsets.assign(at(share.size()) + 1, 0);
+    chunk.j.clear();
+    chunk.image.clear();
+    Cells::Run runs[Cells::max_runs];
+    std::vector<std::int32_t> found;
+    for (auto i = static_cast<std::int32_t>(share.begin); i < share.end; ++i) {
+      const Vec3 centre = particles.position(i);
+      const double reach = particles.radius(i) + skin;
+      const int n_runs = cells.runs_after(i, runs);
+      for (int r = 0; r < n_runs; ++r) {
+        const Vec3 seen = runs[r].image ? centre + image_shift[runs[r].image] : centre;
+        if (found.size() < at(runs[r].grains.size())) found.resize(at(2 * runs[r].grains.size()));
+        const int n_found = filter(spheres, runs[r].grains, seen, reach, found.data());
+        chunk.j.insert(chunk.j.end(), found.begin(), found.begin() + n_found);
+        if (!image_shift.empty()) chunk.image.insert(chunk.image.end(), at(n_found), runs[r].image);
+      }
+      // A grain and its own images, where the domain is hardly wider than the grain.
+      if (!image_shift.empty()) {
+        for (std::uint8_t code = 1; code < image::n_codes; ++code) {
+          const auto steps = image::steps(code);
+          if (std::max({std::abs(steps[0]), std::abs(steps[1]), std::abs(steps[2])}) > 1 || !image::is_positive(code)) continue;
+          const Vec3 shift = image_shift[code];
+          const double limit = reach + particles.radius(i);
+          if (!(squared_length(shift) < limit * limit)) continue;
+          chunk.j.push_back(i);
+          chunk.image.push_back(code);
+        }
+      }
+      chunk.offsets[at(i - share.begin) + 1] = static_cast<std::uint32_t>(chunk.j.size());
+    }
+  });
+}
+
+void PairList::cut(std::int32_t n_grains, int n_threads) {
+  threads_.resize(at(n_threads));
+  std::int64_t total = std::int64_t{n_grains} * grain_work;
+  for (const RawChunk& chunk : raw_) total += static_cast<std::int64_t>(chunk.j.size());
+  int thread = 0;
+  std::int64_t work = 0;
+  threads_[0].grain_begin = 0;
+  for (const RawChunk& chunk : raw_)
+    for (std::int32_t i = chunk.grain_begin; i < chunk.grain_end; ++i) {
+      while (thread + 1 < n_threads && work * n_threads >= total * (thread + 1)) {
+        threads_[at(thread)].grain_end = i;
+        threads_[at(++thread)].grain_begin = i;
+      }
+      const std::size_t k = at(i - chunk.grain_begin);
+      work += grain_work + (chunk.offsets[k + 1] - chunk.offsets[k]);
+    }
+  threads_[at(thread)].grain_end = n_grains;
+  while (++thread < n_threads) threads_[at(thread)].grain_begin = threads_[at(thread)].grain_end = n_grains;
+}
+
+/// Calls f(i, j, image of j seen from i) for the raw pairs of grains [begin, end), in order.
+template <typename Function>
+void PairList::for_each_raw(std::int32_t begin, std::int32_t end, Function f) const {
+  for (const RawChunk& chunk : raw_)
+    for (std::int32_t i = std::max(begin, chunk.grain_begin); i < std::min(end, chunk.grain_end); ++i)
+      for (std::uint32_t k = chunk.offsets[at(i - chunk.grain_begin)]; k < chunk.offsets[at(i - chunk.grain_begin) + 1]; ++k)
+        f(i, chunk.j[k], chunk.image.empty() ? std::uint8_t{0} : chunk.image[k]);
+}
+
+void PairList::mark_deferred(int thread) {
+  const ThreadPairs& mine = threads_[at(thread)];
+  for_each_raw(mine.grain_begin, mine.grain_end, [&](std::int32_t, std::int32_t j, std::uint8_t) {
+    if (j >= mine.grain_end) std::atomic_ref(is_deferred_[at(j)]).store(1, std::memory_order_relaxed);
+  });
+}
+
+void PairList::lay_out(const Particles& particles, const PairNeeds& needs, std::span<const std::int32_t> was_at,
+                       const PairCarry& carry, int thread) {
+  ThreadPairs& mine = threads_[at(thread)];
+  std::int64_t n_raw = 0;
+  for_each_raw(mine.grain_begin, mine.grain_end, [&](std::int32_t, std::int32_t, std::uint8_t) { ++n_raw; });
+  const std::int64_t n_tiles = (mine.grain_end - mine.grain_begin + tile_size - 1) / tile_size;
+  const std::size_t capacity = at(n_raw + n_tiles * 2 * pair_group);
+  mine.n_pairs = n_raw;
+  mine.a.resize_discarding(capacity);
+  mine.b.resize_discarding(capacity);
+  mine.image.resize_discarding(needs.has_images ? capacity : 0);
+  mine.species.resize_discarding(needs.has_species ? capacity : 0);
+  mine.history.resize_discarding(needs.has_history ? 4 * capacity : 0);
+  mine.tiles.clear();
+  mine.plain.clear();
+  mine.deferred.clear();
+
+  std::int64_t k = 0;
+  std::uint32_t n_kept = 0;
+  const std::int32_t dummy = particles.dummy();
+  const auto put = [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
+    const bool i_is_low = particles.gid(i) < particles.gid(j) || i == j;
+    const std::size_t p = at(k++);
+    mine.a[p] = i_is_low ? i : j;
+    mine.b[p] = i_is_low ? j : i;
+    const std::uint8_t stored = i_is_low ? code : image::inverse(code);
+    if (needs.has_images) mine.image[p] = stored;
+    if (needs.has_species)
+      mine.species[p] = needs.species_table[particles.material(i) * needs.n_materials + particles.material(j)];
+    if (needs.has_history) {
+      const PairMemory* memory = carry.find(was_at[at(i)], was_at[at(j)], stored);
+      const PairMemory none{};
+      std::memcpy(mine.history.data() + 4 * p, memory ? memory : &none, sizeof(PairMemory));
+    }
+  };
+  const auto fill_group = [&] {
+    for (; k % pair_group != 0; ++k) {
+      const std::size_t p = at(k);
+      mine.a[p] = mine.b[p] = dummy;
+      if (needs.has_images) mine.image[p] = 0;
+      if (needs.has_species) mine.species[p] = 0;
+      if (needs.has_history) std::fill_n(mine.history.data() + 4 * p, 4, 0.0);
+    }
+  };
+
+  // How many grains lie in a slow layer bounds how far ahead in memory a pair reaches, but for images of the slow axis.
+  struct Kept { std::int32_t i, j; std::uint8_t image; };
+  std::vector<Kept> kept;
+  std::vector<std::int64_t> last_ring_use;  // by tile: first pair of the earliest tile whose ring slots it needs
+  for (std::int32_t begin = mine.grain_begin; begin < mine.grain_end; begin += tile_size) {
+    Tile tile;
+    tile.grain_begin = begin;
+    tile.grain_end = std::min(begin + tile_size, mine.grain_end);
+    tile.ring_begin = k;
+    kept.clear();
+    for_each_raw(tile.grain_begin, tile.grain_end, [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
+      const bool is_far = j - i > (mine.grain_end - mine.grain_begin) / 2 && code != 0;
+      if (j >= mine.grain_end || is_deferred_[at(i)] || is_deferred_[at(j)] || is_far)
+        kept.push_back({i, j, code});
+      else
+        put(i, j, code);
+    });
+    fill_group();
+    tile.kept_begin = k;
+    tile.kept_slot = n_kept;
+    for (const Kept& pair : kept) {
+      const std::size_t p = at(k);
+      put(pair.i, pair.j, pair.image);
+      if (pair.j >= mine.grain_end)
+        cross_[at(thread)].push_back({pair.j, pair.i, tile.kept_slot + static_cast<std::uint32_t>(k - 1 - tile.kept_begin),
+                                      needs.has_images ? mine.image[p] : std::uint8_t{0}, mine.b[p] == pair.j});
+    }
+    fill_group();
+    tile.pair_end = k;
+    n_kept += static_cast<std::uint32_t>(k - tile.kept_begin);
+
+    bool is_any_deferred = false;
+    for (std::int32_t i = tile.grain_begin; i < tile.grain_end; ++i) is_any_deferred = is_any_deferred || is_deferred_[at(i)];
+    if (is_any_deferred) {
+      tile.plain_begin = static_cast<std::int64_t>(mine.plain.size());
+      for (std::int32_t i = tile.grain_begin; i < tile.grain_end; ++i)
+        (is_deferred_[at(i)] ? mine.deferred : mine.plain).push_back(i);
+      tile.plain_end = static_cast<std::int64_t>(mine.plain.size());
+    }
+    mine.tiles.push_back(tile);
+  }
+  kept_base_[at(thread) + 1] = n_kept;
+}
+
+void PairList::index_entries(const Particles& particles, const PairNeeds& needs, int thread) {
+  ThreadPairs& mine = threads_[at(thread)];
+  const std::int32_t first = mine.grain_begin, end = mine.grain_end, dummy = particles.dummy();
+  for (Tile& tile : mine.tiles) tile.kept_slot += kept_base_[at(thread)];
+
+  // Count, place, sort each grain's entries by the other's gid.
+  const auto each_end = [&](auto f) {  // f(grain, other, entry, image as stored)
+    for (const Tile& tile : mine.tiles)
+      for (std::int64_t k = tile.ring_begin; k < tile.pair_end; ++k) {
+        const std::size_t p = at(k);
+        const std::int32_t a = mine.a[p], b = mine.b[p];
+        if (a == dummy) continue;
+        const bool is_kept = k >= tile.kept_begin;
+        const auto slot = is_kept ? tile.kept_slot + static_cast<std::uint32_t>(k - tile.kept_begin) : static_cast<std::uint32_t>(k);
+        const std::uint8_t code = needs.has_images ? mine.image[p] : std::uint8_t{0};
+        if (a < end) f(a, b, make_entry(slot, is_kept, false), code);
+        if (b < end) f(b, a, make_entry(slot, is_kept, true), code);
+      }
+    for (int earlier = 0; earlier < thread; ++earlier)
+      for (const CrossPair& pair : cross_[at(earlier)])
+        if (pair.grain >= first && pair.grain < end)
+          f(pair.grain, pair.other, make_entry(kept_base_[at(earlier)] + pair.slot, true, pair.is_b), pair.image);
+  };
+  mine.offsets.resize_discarding(at(end - first) + 1);
+  std::fill(mine.offsets.begin(), mine.offsets.end(), 0u);
+  std::uint32_t* const offsets = mine.offsets.data();
+  each_end([&](std::int32_t grain, std::int32_t, Entry, std::uint8_t) { ++offsets[grain - first + 1]; });
+  for (std::int32_t i = first; i < end; ++i) offsets[i - first + 1] += offsets[i - first];
+  const std::size_t n_entries = offsets[end - first];
+  mine.entries.resize_discarding(n_entries);
+  struct Key {
+    std::uint64_t gid;
+    std::uint8_t image;
+  };
+  std::vector<std::int32_t> others(n_entries);
+  std::vector<std::uint8_t> codes(needs.has_images ? n_entries : 0);
+  std::vector<std::uint32_t> next(offsets, offsets + (end - first));
+  each_end([&](std::int32_t grain, std::int32_t other, Entry entry, std::uint8_t code) {
+    const std::uint32_t q = next[at(grain - first)]++;
+    mine.entries[q] = entry;
+    others[q] = other;
+    if (needs.has_images) codes[q] = code;
+  });
+  std::vector<std::pair<Key, Entry>> row;
+  for (std::int32_t i = first; i < end; ++i) {
+    const std::uint32_t begin = offsets[i - first];
+    const std::size_t size = offsets[i - first + 1] - begin;
+    if (row.size() < size) row.resize(size);
+    for (std::size_t q = 0; q < size; ++q) {  // insertion sort: rows are short
+      const std::pair<Key, Entry> item{{particles.gid(others[begin + q]), needs.has_images ? codes[begin + q] : std::uint8_t{0}},
+                                       mine.entries[begin + q]};
+      const auto is_before = [](const auto& x, const auto& y) {
+        if (x.first.gid != y.first.gid) return x.first.gid < y.first.gid;
+        if (x.first.image != y.first.image) return x.first.image < y.first.image;
+        return (x.second & entry_is_b) < (y.second & entry_is_b);
+      };
+      std::size_t place = q;
+      for (; place > 0 && is_before(item, row[place - 1]); --place) row[place] = row[place - 1];
+      row[place] = item;
+    }
+    for (std::size_t q = 0; q < size; ++q) mine.entries[begin + q] = row[q].second;
+  }
+
+  // The ring must hold all pairs from the earliest that a tile's grains need to the last of the tile.
+  std::int64_t need = pair_group;
+  for (const Tile& tile : mine.tiles) {
+    std::int64_t earliest = tile.ring_begin;
+    for (std::int32_t i = tile.grain_begin; i < tile.grain_end; ++i)
+      for (std::uint32_t q = offsets[i - first]; q < offsets[i - first + 1]; ++q)
+        if (!(mine.entries[q] & entry_is_kept)) earliest = std::min<std::int64_t>(earliest, mine.entries[q] >> 2);
+    need = std::max(need, tile.kept_begin - earliest + pair_group);
+  }
+  const auto capacity = std::bit_ceil(static_cast<std::uint64_t>(need));
+  mine.ring_mask = static_cast<std::uint32_t>(capacity - 1);
+  mine.ring.resize_discarding(capacity * static_cast<std::size_t>(needs.slot_size));
+}
+
+PairCarry PairList::carry(std::int32_t n_grains) const {
+  PairCarry carry;
+  if (threads_.empty() || threads_[0].history.size() == 0) return carry;
+  const auto is_touching = [](const PairMemory& m) {
+    return m.displacement[0] != 0.0 || m.displacement[1] != 0.0 || m.displacement[2] != 0.0 || m.energy != 0.0;
+  };
+  carry.begin.assign(at(n_grains) + 1, 0);
+  const std::int32_t dummy = n_grains;
+  for_each(dummy, [&](std::int32_t a, std::int32_t b, std::uint8_t, const PairMemory* memory) {
+    if (is_touching(*memory)) ++carry.begin[at(std::min(a, b)) + 1];
+  });
+  for (std::size_t i = 0; i < at(n_grains); ++i) carry.begin[i + 1] += carry.begin[i];
+  carry.items.resize(at(carry.begin.back()));
+  std::vector<std::int64_t> next(carry.begin.begin(), carry.begin.end() - 1);
+  for_each(dummy, [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
+    if (is_touching(*memory)) carry.items[at(next[at(std::min(a, b))]++)] = {*memory, std::max(a, b), image};
+  });
+  return carry;
+}
+
+std::int64_t PairList::size() const {
+  std::int64_t n = 0;
+  for (const ThreadPairs& t : threads_) n += t.n_pairs;
+  return n;
+}
+
+std::size_t PairList::memory() const {
+  std::size_t bytes = kept_.capacity_bytes() + is_deferred_.capacity();
+  for (const ThreadPairs& t : threads_)
+    bytes += t.a.capacity_bytes() + t.b.capacity_bytes() + t.image.capacity_bytes() + t.species.capacity_bytes() +
+             t.history.capacity_bytes() + t.offsets.capacity_bytes() + t.entries.capacity_bytes() + t.ring.capacity_bytes() +
+             (t.plain.capacity() + t.deferred.capacity()) * sizeof(std::int32_t);
+  return bytes;
+}
+
+void PairList::shift_images(std::int32_t i, const std::array<int, 3>& steps) {
+  // Separation x_a - x_b + shift must stay: where x_i grows by a period, the shift of i as a falls by one, as b grows.
+  const auto moved = [&](std::uint8_t code, int sign) {
+    const auto old = image::steps(code);
+    return image::code(old[0] + sign * steps[0], old[1] + sign * steps[1], old[2] + sign * steps[2]);
+  };
+  for (ThreadPairs& t : threads_) {
+    if (i >= t.grain_begin && i < t.grain_end) {
+      for (std::uint32_t q = t.offsets[at(i - t.grain_begin)]; q < t.offsets[at(i - t.grain_begin) + 1]; ++q) {
+        const Entry entry = t.entries[q];
+        const std::uint32_t slot = entry >> 2;
+        for (ThreadPairs& owner : threads_) {  // a kept slot may be another thread's
+          std::int64_t k = -1;
+          if (!(entry & entry_is_kept)) {
+            if (&owner == &t) k = slot;
+          } else {
+            const auto tile = std::upper_bound(owner.tiles.begin(), owner.tiles.end(), slot,
+                                               [](std::uint32_t s, const Tile& x) { return s < x.kept_slot; });
+            if (tile != owner.tiles.begin()) {
+              const Tile& found = *(tile - 1);
+              if (slot < found.kept_slot + (found.pair_end - found.kept_begin)) k = found.kept_begin + (slot - found.kept_slot);
+            }
+          }
+          if (k >= 0) owner.image[at(k)] = moved(owner.image[at(k)], (entry & entry_is_b) ? 1 : -1);
+        }
+      }
+      return;
+    }
+  }
+}
+
+}  // namespace moraine

@@ -1,0 +1,141 @@
+// The pair list: who may touch whom until the next rebuild, laid out for the sweeps.
+//
+// A pair belongs to the grain that comes first in memory; a thread owns a range of grains and the pairs of these. Its range is
+// cut into tiles. The forces of a tile's pairs go into a ring of slots that stays in the cache; when a tile is swept, its grains
+// are complete and are summed and advanced at once. A grain that also has pairs in an earlier thread's range is deferred: it
+// waits until all threads are through, and the slots of all its pairs are kept in an array of their own (as are the slots
+// of pairs across a periodic boundary of the slow axis, which would stay too long for a ring).
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/contacts/cells.hpp"
+#include "engine/particles/aligned_array.hpp"
+#include "engine/particles/particles.hpp"
+#include "kernels/base/range.hpp"
+#include "kernels/motion/motion.hpp"
+
+namespace moraine {
+
+/// What a touching pair remembers from step to step.
+struct PairMemory {
+  double displacement[3];  // [m] of the grain of lower gid relative to the other
+  double energy;           // [J]
+};
+
+struct Tile {
+  std::int32_t grain_begin = 0, grain_end = 0;
+  std::int64_t ring_begin = 0;  // pairs of the tile: first those whose slots go to the ring ...
+  std::int64_t kept_begin = 0;  // ... then those whose slots are kept
+  std::int64_t pair_end = 0;
+  std::uint32_t kept_slot = 0;  // slot of the pair at kept_begin
+  std::int64_t plain_begin = -1, plain_end = -1;  // grains that are not deferred, in ThreadPairs::plain; -1: all are
+};
+
+/// The share of one thread.
+struct ThreadPairs {
+  std::int32_t grain_begin = 0, grain_end = 0;
+  std::vector<Tile> tiles;
+  AlignedArray<std::int32_t> a, b;          // lower and higher gid
+  AlignedArray<std::uint8_t> image;         // only with periodic directions
+  AlignedArray<std::uint8_t> species;       // only where not uniform
+  AlignedArray<double> history;             // four doubles a pair; only for laws with history
+  AlignedArray<std::uint32_t> offsets;      // entries of each of the thread's grains
+  AlignedArray<Entry> entries;
+  AlignedArray<double> ring;
+  std::uint32_t ring_mask = 0;
+  std::vector<std::int32_t> plain;          // where tiles have deferred grains
+  std::vector<std::int32_t> deferred;
+  std::int64_t n_pairs = 0;                 // without the dummies that fill groups up
+};
+
+/// What pairs remember across a rebuild: for each grain, by its place before the rebuild, the touching pairs that it owned.
+struct PairCarry {
+  struct Item {
+    PairMemory memory;
+    std::int32_t other = 0;    // place before the rebuild
+    std::uint8_t image = 0;    // as stored: from the lower gid
+  };
+  std::vector<std::int64_t> begin;  // of each grain, and the end
+  std::vector<Item> items;
+  const PairMemory* find(std::int32_t first, std::int32_t second, std::uint8_t image) const;
+};
+
+/// What the list must provide for the scene's kernels.
+struct PairNeeds {
+  bool has_history = true;
+  bool has_images = false;
+  bool has_species = false;
+  int slot_size = 8;                              // doubles
+  const std::uint8_t* species_table = nullptr;    // by material, square
+  int n_materials = 1;
+};
+
+class PairList {
+ public:
+  /// Pairs of grains nearer than the sum of their radii plus skin. The grains must be sorted as in `cells`; `was_at` gives the
+  /// place that each had before (to find its memory in `carry`).
+  void build(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin,
+             const PairNeeds& needs, std::span<const std::int32_t> was_at, const PairCarry& carry, int n_threads);
+  /// The memory of all touching pairs, by present places.
+  PairCarry carry(std::int32_t n_grains) const;
+
+  std::vector<ThreadPairs>& threads() { return threads_; }
+  const std::vector<ThreadPairs>& threads() const { return threads_; }
+  double* kept_slots() { return kept_.data(); }
+  /// Number of pairs in the list.
+  std::int64_t size() const;
+  std::size_t memory() const;
+
+  /// Grain i has crossed periodic faces: x(new) = x(old) + steps * period. Its pairs now see other images.
+  void shift_images(std::int32_t i, const std::array<int, 3>& steps);
+
+  /// Calls f(a, b, image, memory or nullptr) for every pair.
+  template <typename Function>
+  void for_each(std::int32_t dummy, Function f) const {
+    for (const ThreadPairs& t : threads_)
+      for (const Tile& tile : t.tiles)
+        for (std::int64_t k = tile.ring_begin; k < tile.pair_end; ++k) {
+          const auto p = static_cast<std::size_t>(k);
+          if (t.a[p] == dummy) continue;
+          f(t.a[p], t.b[p], t.image.size() ? t.image[p] : std::uint8_t{0},
+            t.history.size() ? reinterpret_cast<const PairMemory*>(t.history.data() + 4 * k) : nullptr);
+        }
+  }
+
+ private:
+  struct RawPairs;                           // as found, before they are laid out
+  void search(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin, int n_threads);
+  void cut(std::int32_t n_grains, int n_threads);
+  void mark_deferred(int thread);
+  void lay_out(const Particles& particles, const PairNeeds& needs, std::span<const std::int32_t> was_at,
+               const PairCarry& carry, int thread);
+  void index_entries(const Particles& particles, const PairNeeds& needs, int thread);
+  template <typename Function>
+  void for_each_raw(std::int32_t begin, std::int32_t end, Function f) const;
+
+  struct RawChunk {
+    std::int32_t grain_begin = 0, grain_end = 0;
+    std::vector<std::uint32_t> offsets;      // of each grain of the chunk, and the end
+    std::vector<std::int32_t> j;
+    std::vector<std::uint8_t> image;         // of j seen from i; empty without periodic directions
+  };
+  /// A pair whose second grain belongs to a later thread.
+  struct CrossPair {
+    std::int32_t grain;   // the later one
+    std::int32_t other;
+    std::uint32_t slot;   // in the kept slots of the earlier thread
+    std::uint8_t image;   // as stored
+    bool is_b;            // grain is b
+  };
+  std::vector<RawChunk> raw_;
+  std::vector<std::vector<CrossPair>> cross_;  // by owning thread
+  std::vector<std::uint32_t> kept_base_;       // first kept slot of each thread
+  std::vector<std::uint8_t> is_deferred_;
+  std::vector<ThreadPairs> threads_;
+  AlignedArray<double> kept_;
+};
+
+}  // namespace moraine

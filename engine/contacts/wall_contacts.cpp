@@ -1,0 +1,196 @@
+#include "engine/contacts/wall_contacts.hpp"
+
+#include <algorithm>
+#include <limits>
+
+#include "engine/threads.hpp"
+
+namespace moraine {
+
+namespace {
+
+/// Touches of one mesh go on as the same contact while their normals stay this near.
+constexpr double same_contact_cosine = 0.7;
+
+std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
+
+/// Places of memory that a candidate may need.
+std::int64_t capacity_of(const WallCandidate& c) { return c.n_triangles == 0 ? 1 : std::min(c.n_triangles, max_touches); }
+
+}  // namespace
+
+WallContacts::WallContacts(const Walls& walls, bool has_history, int slot_size)
+    : walls_(&walls), has_history_(has_history), slot_size_(slot_size) {}
+
+void WallContacts::build(const Particles& particles, const PairList& pairs, double skin, double time,
+                         std::span<const std::int32_t> was_at, const WallCarry& carry, int n_threads) {
+  const std::vector<ThreadPairs>& threads = pairs.threads();
+  shares_.resize(threads.size());
+  if (empty()) {
+    for (std::size_t t = 0; t < threads.size(); ++t) shares_[t].tile_begin.assign(threads[t].tiles.size() + 1, 0);
+    return;
+  }
+  parallel(std::min(n_threads, static_cast<int>(threads.size())), [&](int thread) {
+    const ThreadPairs& mine = threads[index(thread)];
+    Share& share = shares_[index(thread)];
+    WallCandidates found;
+    walls_->find_candidates(particles.records(), particles.stride(), mine.grain_begin, mine.grain_end, skin, time, found);
+    share.list.clear();
+    share.tile_begin.clear();
+    std::vector<WallCandidate> deferred;
+    auto candidate = found.list.begin();
+    auto next_deferred = mine.deferred.begin();
+    for (const Tile& tile : mine.tiles) {
+      share.tile_begin.push_back(static_cast<std::int64_t>(share.list.size()));
+      for (; candidate != found.list.end() && candidate->grain < tile.grain_end; ++candidate) {
+        while (next_deferred != mine.deferred.end() && *next_deferred < candidate->grain) ++next_deferred;
+        const bool is_deferred = next_deferred != mine.deferred.end() && *next_deferred == candidate->grain;
+        (is_deferred ? deferred : share.list).push_back(*candidate);
+      }
+    }
+    share.tile_begin.push_back(static_cast<std::int64_t>(share.list.size()));
+    share.list.insert(share.list.end(), deferred.begin(), deferred.end());
+    share.triangles = std::move(found.triangles);
+    share.slot_begin.assign(1, 0);
+    for (const WallCandidate& c : share.list) share.slot_begin.push_back(share.slot_begin.back() + capacity_of(c));
+    share.memory.assign(at(share.slot_begin.back()), WallMemory{});
+    for (std::size_t c = 0; c < share.list.size() && !carry.items.empty(); ++c) {
+      const std::int32_t was = was_at[at(share.list[c].grain)];
+      auto item = std::lower_bound(carry.items.begin(), carry.items.end(), was,
+                                   [](const WallCarry::Item& x, std::int32_t grain) { return x.grain < grain; });
+      std::int64_t slot = share.slot_begin[c];
+      for (; item != carry.items.end() && item->grain == was; ++item)
+        if (item->surface == share.list[c].surface && slot < share.slot_begin[c + 1]) share.memory[at(slot++)] = item->memory;
+    }
+    make_room(share);
+  });
+}
+
+void WallContacts::make_room(Share& share) const {
+  std::int64_t most = 0;
+  for (std::size_t t = 0; t + 1 < share.tile_begin.size(); ++t)
+    most = std::max(most, share.slot_begin[at(share.tile_begin[t + 1])] - share.slot_begin[at(share.tile_begin[t])]);
+  most = std::max(most, share.slot_begin.back() - share.slot_begin[at(share.tile_begin.back())]);
+  const std::size_t room = at(most + pair_group);
+  share.grain.resize_discarding(room);
+  share.columns.resize_discarding(8 * room);
+  share.species.resize_discarding(room);
+  share.history.resize_discarding(4 * room);
+  share.slots.resize_discarding(at(slot_size_) * room);
+  double* const c = share.columns.data();
+  share.view = {share.grain.data(), c,            c + room,     c + 2 * room,         c + 3 * room,        c + 4 * room,
+                c + 5 * room,       c + 6 * room, c + 7 * room, share.species.data(), share.history.data(), share.slots.data()};
+}
+
+int WallContacts::touch_one(const Particles& particles, const Share& share, const WallCandidate& candidate,
+                            Touch* touches) const {
+  const Surface& surface = walls_->surfaces()[at(candidate.surface)];
+  const Vec3 centre = particles.position(candidate.grain);
+  const double radius = particles.radius(candidate.grain);
+  if (surface.kind != SurfaceKind::mesh) return touch_analytic(surface, centre, radius, touches[0]) ? 1 : 0;
+  const std::span<const std::int32_t> triangles(share.triangles.data() + candidate.triangles, at(candidate.n_triangles));
+  return touch_mesh(walls_->mesh(surface.mesh), triangles, centre, radius, touches);
+}
+
+Vec3 WallContacts::wall_velocity(const Surface& surface, Vec3 centre, const Touch& touch) const {
+  const Vec3 point = centre - touch.distance * touch.normal;
+  return surface.velocity + cross(surface.angular_velocity, point - surface.centre);
+}
+
+const WallMemory* WallContacts::match(const Share& share, std::int64_t candidate, const Touch& touch, unsigned& taken) const {
+  if (!has_history_) return nullptr;
+  const std::int64_t begin = share.slot_begin[at(candidate)], end = share.slot_begin[at(candidate) + 1];
+  const bool is_mesh = share.list[at(candidate)].n_triangles != 0;
+  double best = is_mesh ? same_contact_cosine : -2.0;
+  std::int64_t found = -1;
+  for (std::int64_t slot = begin; slot < end; ++slot) {
+    const WallMemory& memory = share.memory[at(slot)];
+    if (!memory.is_used() || (taken >> (slot - begin) & 1u)) continue;
+    const double cosine = dot(memory.normal, touch.normal);
+    if (cosine > best) {
+      best = cosine;
+      found = slot;
+    }
+  }
+  if (found < 0) return nullptr;
+  taken |= 1u << (found - begin);
+  return &share.memory[at(found)];
+}
+
+std::int64_t WallContacts::touch(const Particles& particles, int thread, Range candidates, const std::uint8_t* species,
+                                 int n_walls) {
+  Share& share = shares_[index(thread)];
+  double* const columns = share.columns.data();
+  const std::size_t room = share.columns.size() / 8;
+  share.touch_begin.resize(at(candidates.size()) + 1);
+  std::size_t n = 0;
+  const auto put = [&](std::int32_t grain, const Touch& touch, Vec3 velocity, double mirror) {
+    share.grain[n] = grain;
+    const double row[8] = {touch.normal.x, touch.normal.y, touch.normal.z, touch.distance, velocity.x, velocity.y, velocity.z, mirror};
+    for (std::size_t k = 0; k < 8; ++k) columns[k * room + n] = row[k];
+  };
+  for (std::int64_t c = candidates.begin; c < candidates.end; ++c) {
+    share.touch_begin[at(c - candidates.begin)] = static_cast<std::int64_t>(n);
+    const WallCandidate& candidate = share.list[at(c)];
+    const Surface& surface = walls_->surfaces()[at(candidate.surface)];
+    Touch touches[max_touches];
+    const int n_touches = touch_one(particles, share, candidate, touches);
+    unsigned taken = 0;
+    for (int t = 0; t < n_touches; ++t, ++n) {
+      put(candidate.grain, touches[t], wall_velocity(surface, particles.position(candidate.grain), touches[t]),
+          surface.kind == SurfaceKind::mirror ? 2.0 : 1.0);
+      share.species[n] = species[particles.material(candidate.grain) * n_walls + surface.wall];
+      const WallMemory* memory = match(share, c, touches[t], taken);
+      const PairMemory value = memory ? memory->memory : PairMemory{};
+      std::memcpy(share.history.data() + 4 * n, &value, sizeof(value));
+    }
+  }
+  share.touch_begin[at(candidates.size())] = static_cast<std::int64_t>(n);
+  const auto n_found = static_cast<std::int64_t>(n);
+  const Touch nowhere{{1, 0, 0}, std::numeric_limits<double>::infinity()};
+  for (; n % at(pair_group) != 0; ++n) {
+    put(particles.dummy(), nowhere, {}, 1.0);
+    share.species[n] = 0;
+    std::fill_n(share.history.data() + 4 * n, 4, 0.0);
+  }
+  return n_found;
+}
+
+void WallContacts::remember(int thread, Range candidates) {
+  if (!has_history_) return;
+  Share& share = shares_[index(thread)];
+  const std::size_t room = share.columns.size() / 8;
+  for (std::int64_t c = candidates.begin; c < candidates.end; ++c) {
+    std::int64_t slot = share.slot_begin[at(c)];
+    for (std::int64_t t = share.touch_begin[at(c - candidates.begin)]; t < share.touch_begin[at(c - candidates.begin) + 1]; ++t) {
+      if (slot == share.slot_begin[at(c) + 1]) break;
+      WallMemory& memory = share.memory[at(slot++)];
+      std::memcpy(&memory.memory, share.history.data() + 4 * t, sizeof(PairMemory));
+      const double* const normal = share.columns.data() + t;
+      memory.normal = {normal[0], normal[room], normal[2 * room]};
+    }
+    for (; slot < share.slot_begin[at(c) + 1]; ++slot) share.memory[at(slot)] = WallMemory{};
+  }
+}
+
+WallCarry WallContacts::carry() const {
+  WallCarry carry;
+  if (!has_history_) return carry;
+  for (const Share& share : shares_)
+    for (std::size_t c = 0; c < share.list.size(); ++c)
+      for (std::int64_t slot = share.slot_begin[c]; slot < share.slot_begin[c + 1]; ++slot)
+        if (share.memory[at(slot)].is_used()) carry.items.push_back({share.list[c].grain, share.list[c].surface, share.memory[at(slot)]});
+  std::stable_sort(carry.items.begin(), carry.items.end(), [](const auto& x, const auto& y) { return x.grain < y.grain; });
+  return carry;
+}
+
+std::size_t WallContacts::memory() const {
+  std::size_t bytes = 0;
+  for (const Share& s : shares_)
+    bytes += s.list.capacity() * sizeof(WallCandidate) + s.triangles.capacity() * 4 + s.slot_begin.capacity() * 8 +
+             s.memory.capacity() * sizeof(WallMemory) + s.columns.capacity_bytes() + s.slots.capacity_bytes() +
+             s.history.capacity_bytes();
+  return bytes;
+}
+
+}  // namespace moraine

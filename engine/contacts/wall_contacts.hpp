@@ -1,0 +1,118 @@
+// Contacts of grains with walls: candidates, the memory of each contact, and the touches of a tile in the layout of the sweep.
+//
+// Memory is keyed by grain and surface. A mesh can be touched in several places at once; there a touch goes on with the
+// memory of the touch of the last step whose normal is nearest to its own, so that it follows from triangle to triangle.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/contacts/pair_list.hpp"
+#include "engine/particles/aligned_array.hpp"
+#include "engine/particles/particles.hpp"
+#include "engine/walls/walls.hpp"
+#include "kernels/contact/sweep.hpp"
+
+namespace moraine {
+
+/// What one wall contact remembers; a slot that is not in use has a zero normal.
+struct WallMemory {
+  PairMemory memory;
+  Vec3 normal;
+  bool is_used() const { return normal.x != 0.0 || normal.y != 0.0 || normal.z != 0.0; }
+};
+
+/// Memory across a rebuild, in order of the grain's place before it.
+struct WallCarry {
+  struct Item {
+    std::int32_t grain = 0;
+    std::int32_t surface = 0;
+    WallMemory memory;
+  };
+  std::vector<Item> items;
+};
+
+/// One touch, for those who want to know (ledger, probes, messages).
+struct WallContact {
+  std::int32_t grain = 0;
+  std::int32_t surface = 0;
+  Touch touch;
+  Vec3 wall_velocity;      // [m/s] where it is touched
+  PairMemory memory;       // before the step
+};
+
+class WallContacts {
+ public:
+  WallContacts(const Walls& walls, bool has_history, int slot_size);
+
+  /// Finds the candidates of all grains, in the shares and tiles of the pair list. `species`: row of the wall law table by
+  /// (material, wall).
+  void build(const Particles& particles, const PairList& pairs, double skin, double time, std::span<const std::int32_t> was_at,
+             const WallCarry& carry, int n_threads);
+  WallCarry carry() const;
+
+  /// The candidates of one tile's plain grains, or of a thread's deferred grains.
+  Range tile(int thread, std::size_t tile) const { return {shares_[index(thread)].tile_begin[tile], shares_[index(thread)].tile_begin[tile + 1]}; }
+  Range deferred(int thread) const { return {shares_[index(thread)].tile_begin.back(), static_cast<std::int64_t>(shares_[index(thread)].list.size())}; }
+
+  /// The touches of these candidates, with their memory, ready for the sweep; returns their number (without filling).
+  std::int64_t touch(const Particles& particles, int thread, Range candidates, const std::uint8_t* species, int n_walls);
+  const WallTouches& touches(int thread) const { return shares_[index(thread)].view; }
+  /// Stores what the touches remember after the sweep.
+  void remember(int thread, Range candidates);
+
+  /// Calls f(WallContact) for every touch at the present positions, in no particular order.
+  template <typename Function>
+  void for_each(const Particles& particles, Function f) const;
+
+  bool empty() const { return walls_->surfaces().empty(); }
+  std::size_t memory() const;
+
+ private:
+  struct Share {
+    std::vector<WallCandidate> list;           // of plain grains by tile, then of deferred ones
+    std::vector<std::int32_t> triangles;
+    std::vector<std::int64_t> tile_begin;      // in list, of each tile, and where the deferred begin
+    std::vector<std::int64_t> slot_begin;      // in memory, of each candidate, and the end
+    std::vector<WallMemory> memory;
+    std::vector<std::int64_t> touch_begin;     // of each candidate of the range last touched, and the end
+    // touches of the range
+    AlignedArray<std::int32_t> grain;
+    AlignedArray<double> columns;              // nine columns
+    AlignedArray<std::uint8_t> species;
+    AlignedArray<double> history;
+    AlignedArray<double> slots;
+    WallTouches view;
+  };
+  static std::size_t index(int thread) { return static_cast<std::size_t>(thread); }
+  int touch_one(const Particles& particles, const Share& share, const WallCandidate& candidate, Touch* touches) const;
+  Vec3 wall_velocity(const Surface& surface, Vec3 centre, const Touch& touch) const;
+  void make_room(Share& share) const;
+  const WallMemory* match(const Share& share, std::int64_t candidate, const Touch& touch, unsigned& taken) const;
+
+  const Walls* walls_;
+  bool has_history_;
+  int slot_size_;
+  std::vector<Share> shares_;
+};
+
+template <typename Function>
+void WallContacts::for_each(const Particles& particles, Function f) const {
+  for (const Share& share : shares_)
+    for (std::size_t c = 0; c < share.list.size(); ++c) {
+      const WallCandidate& candidate = share.list[c];
+      Touch touches[max_touches];
+      const int n = touch_one(particles, share, candidate, touches);
+      unsigned taken = 0;
+      for (int t = 0; t < n; ++t) {
+        const WallMemory* memory = match(share, static_cast<std::int64_t>(c), touches[t], taken);
+        const Surface& surface = walls_->surfaces()[static_cast<std::size_t>(candidate.surface)];
+        f(WallContact{candidate.grain, candidate.surface, touches[t],
+                      wall_velocity(surface, particles.position(candidate.grain), touches[t]),
+                      memory ? memory->memory : PairMemory{}});
+      }
+    }
+}
+
+}  // namespace moraine

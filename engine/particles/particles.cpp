@@ -1,0 +1,100 @@
+#include "engine/particles/particles.hpp"
+
+#include <algorithm>
+#include <limits>
+
+#include "engine/threads.hpp"
+
+namespace moraine {
+
+Particles::Particles(FieldNeeds needs)
+    : needs_(needs), stride_(needs.rotation ? record_size_rotating : record_size_plain) {
+  resize(0);
+}
+
+bool Particles::has(Field field) const {
+  switch (info(field).need) {
+    case Need::always: return true;
+    case Need::rotation: return needs_.rotation;
+    case Need::energy: return needs_.energy;
+    case Need::requested: return field == Field::force ? needs_.force : needs_.torque;
+  }
+  return false;
+}
+
+void Particles::resize(std::int32_t n) {
+  const auto count = static_cast<std::size_t>(n);
+  size_ = n;
+  records_.resize_discarding((count + 1) * static_cast<std::size_t>(stride_));
+  gid_.resize_discarding(count);
+  material_.resize_discarding(count);
+  if (needs_.energy) dissipated_.resize_discarding(4 * count);
+  if (needs_.force) force_.resize_discarding(3 * count);
+  if (needs_.torque) torque_.resize_discarding(3 * count);
+  std::fill(dissipated_.begin(), dissipated_.end(), 0.0);
+  std::fill(force_.begin(), force_.end(), 0.0);
+  std::fill(torque_.begin(), torque_.end(), 0.0);
+  set_dummy();
+}
+
+void Particles::set_dummy() {
+  double* const r = record(size_);
+  std::fill(r, r + stride_, 0.0);
+  for (int k = 0; k < 3; ++k) r[k] = std::numeric_limits<double>::quiet_NaN();
+  r[3] = 1.0;  // finite radius and mass keep the arithmetic of unused lanes free of exceptions
+  r[7] = 1.0;
+}
+
+Vec3 Particles::vector(Field field, std::int64_t i) const {
+  const double* const v = record(i) + info(field).record_slot;
+  return {v[0], v[1], v[2]};
+}
+
+const AlignedArray<double>& Particles::own_array(Field field) const {
+  return field == Field::dissipated ? dissipated_ : field == Field::force ? force_ : torque_;
+}
+
+double Particles::real(Field field, std::int64_t i, int c) const {
+  const FieldInfo& row = info(field);
+  if (row.record_slot >= 0) return record(i)[row.record_slot + c];
+  return own_array(field)[static_cast<std::size_t>(i * row.components + c)];
+}
+
+void Particles::set_real(Field field, std::int64_t i, int c, double value) {
+  const FieldInfo& row = info(field);
+  if (row.record_slot >= 0)
+    record(i)[row.record_slot + c] = value;
+  else
+    const_cast<AlignedArray<double>&>(own_array(field))[static_cast<std::size_t>(i * row.components + c)] = value;
+}
+
+template <typename T>
+void Particles::gather(AlignedArray<T>& values, std::int64_t width, std::span<const std::int32_t> order, int n_threads) {
+  if (values.size() == 0) return;
+  AlignedArray<T> sorted;
+  sorted.resize_discarding((order.size() + 1) * static_cast<std::size_t>(width));
+  parallel(n_threads, [&](int thread) {
+    const Range share = share_of(static_cast<std::int64_t>(order.size()), thread, n_threads);
+    for (std::int64_t i = share.begin; i < share.end; ++i)
+      std::copy_n(values.data() + order[static_cast<std::size_t>(i)] * width, width, sorted.data() + i * width);
+  });
+  values = std::move(sorted);
+}
+
+void Particles::reorder(std::span<const std::int32_t> order, int n_threads) {
+  gather(records_, stride_, order, n_threads);
+  gather(gid_, 1, order, n_threads);
+  gather(material_, 1, order, n_threads);
+  gather(dissipated_, 4, order, n_threads);
+  gather(force_, 3, order, n_threads);
+  gather(torque_, 3, order, n_threads);
+  size_ = static_cast<std::int32_t>(order.size());
+  set_dummy();
+}
+
+std::size_t Particles::memory() const {
+  return records_.capacity_bytes() + gid_.capacity_bytes() + material_.capacity_bytes() + dissipated_.capacity_bytes() +
+         force_.capacity_bytes() + torque_.capacity_bytes();
+}
+
+}  // namespace moraine

@@ -1,0 +1,88 @@
+// The grains of a rank: storage by the field table.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/particles/aligned_array.hpp"
+#include "engine/particles/fields.hpp"
+#include "engine/scene/scene.hpp"
+#include "kernels/base/vec3.hpp"
+
+namespace moraine {
+
+/// Which optional fields a scene needs.
+struct FieldNeeds {
+  bool rotation = true;
+  bool energy = false;
+  bool force = false;   // contact force of each grain, for output
+  bool torque = false;
+};
+
+class Particles {
+ public:
+  explicit Particles(FieldNeeds needs);
+
+  bool has(Field field) const;
+  const FieldNeeds& needs() const { return needs_; }
+  std::int32_t size() const { return size_; }
+  /// Index of the dummy record behind the last grain: it lies nowhere and touches nothing.
+  std::int32_t dummy() const { return size_; }
+  /// Doubles from one hot record to the next.
+  std::int64_t stride() const { return stride_; }
+
+  /// Makes room for n grains; all values are lost.
+  void resize(std::int32_t n);
+
+  double* records() { return records_.data(); }
+  const double* records() const { return records_.data(); }
+  double* record(std::int64_t i) { return records_.data() + i * stride_; }
+  const double* record(std::int64_t i) const { return records_.data() + i * stride_; }
+
+  Vec3 position(std::int64_t i) const { return vector(Field::position, i); }
+  Vec3 velocity(std::int64_t i) const { return vector(Field::velocity, i); }
+  Vec3 angular_velocity(std::int64_t i) const { return needs_.rotation ? vector(Field::angular_velocity, i) : Vec3{}; }
+  double radius(std::int64_t i) const { return record(i)[3]; }
+  double inverse_mass(std::int64_t i) const { return record(i)[7]; }
+  double inverse_inertia(std::int64_t i) const { return needs_.rotation ? record(i)[11] : 0.0; }
+  std::uint64_t gid(std::int64_t i) const { return gid_[static_cast<std::size_t>(i)]; }
+  std::uint16_t material(std::int64_t i) const { return material_[static_cast<std::size_t>(i)]; }
+  const std::uint64_t* gids() const { return gid_.data(); }
+  const std::uint16_t* materials() const { return material_.data(); }
+  double* dissipated() { return dissipated_.data(); }
+  const double* dissipated() const { return dissipated_.data(); }
+  double* force() { return force_.size() ? force_.data() : nullptr; }
+  double* torque() { return torque_.size() ? torque_.data() : nullptr; }
+  /// False for a grain that has left the scene and waits to be removed.
+  bool is_here(std::int64_t i) const { return record(i)[0] == record(i)[0]; }
+
+  /// Reads and writes any real field by the table; component c of grain i.
+  double real(Field field, std::int64_t i, int c) const;
+  void set_real(Field field, std::int64_t i, int c, double value);
+  void set_gid(std::int64_t i, std::uint64_t gid) { gid_[static_cast<std::size_t>(i)] = gid; }
+  void set_material(std::int64_t i, std::uint16_t m) { material_[static_cast<std::size_t>(i)] = m; }
+
+  /// Puts grain order[i] at place i, for all fields; order may leave grains out.
+  void reorder(std::span<const std::int32_t> order, int n_threads);
+
+  /// Bytes held.
+  std::size_t memory() const;
+
+ private:
+  Vec3 vector(Field field, std::int64_t i) const;
+  const AlignedArray<double>& own_array(Field field) const;
+  template <typename T>
+  void gather(AlignedArray<T>& values, std::int64_t width, std::span<const std::int32_t> order, int n_threads);
+  void set_dummy();
+
+  FieldNeeds needs_;
+  std::int64_t stride_;
+  std::int32_t size_ = 0;
+  AlignedArray<double> records_;
+  AlignedArray<std::uint64_t> gid_;
+  AlignedArray<std::uint16_t> material_;
+  AlignedArray<double> dissipated_, force_, torque_;
+};
+
+}  // namespace moraine

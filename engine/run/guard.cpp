@@ -1,0 +1,121 @@
+#include "engine/run/guard.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace moraine {
+
+namespace {
+
+std::string text(Vec3 v) { return fmt::format("({:.6g}, {:.6g}, {:.6g})", v.x, v.y, v.z); }
+
+std::string grain_text(const GuardView& view, std::int32_t i) {
+  const Particles& p = view.particles;
+  return fmt::format("grain {} (material {}, radius {:.4g} m, at {} m, velocity {} m/s)", p.gid(i),
+                     view.scene.materials[p.material(i)].name, p.radius(i), text(p.position(i)), text(p.velocity(i)));
+}
+
+std::string other_text(const GuardView& view, const ContactReport& c, std::int32_t seen_from) {
+  if (c.other < 0)
+    return fmt::format("wall \"{}\"", view.scene.walls[static_cast<std::size_t>(view.walls.surfaces()[static_cast<std::size_t>(c.surface)].wall)].name);
+  return grain_text(view, c.grain == seen_from ? c.other : c.grain);
+}
+
+std::string contacts_text(const GuardView& view, std::int32_t i) {
+  constexpr std::size_t most = 6;
+  std::vector<ContactReport> found;
+  view.contacts.for_each_contact(view.particles, view.dt, [&](const ContactReport& c) {
+    if (c.grain == i || c.other == i) found.push_back(c);
+  });
+  std::sort(found.begin(), found.end(), [](const auto& x, const auto& y) { return x.overlap > y.overlap; });
+  if (found.empty()) return "\n  it touches nothing";
+  std::string lines = fmt::format("\n  it touches {}:", found.size());
+  for (std::size_t k = 0; k < std::min(most, found.size()); ++k)
+    lines += fmt::format("\n    {}: overlap {:.4g} m ({:.3g} of the smaller radius), force {:.4g} N", other_text(view, found[k], i),
+                         found[k].overlap, found[k].overlap / found[k].smaller_radius, length(found[k].result.force));
+  return lines;
+}
+
+std::string cure(const GuardView& view) {
+  const double steps = view.steps_per_contact;
+  if (steps < 15.0)
+    return fmt::format("\n  likely cause: the time step {:.4g} s gives the shortest contact only {:.1f} steps; use time.step = \"auto\" or at "
+                       "most {:.4g} s", view.dt, steps, view.dt * steps / 20.0);
+  return fmt::format("\n  likely cause: grains too soft for their load or speed (raise the stiffness; the step then falls), or an impact faster "
+                     "than foreseen (set time.max_speed), or grains put into each other or into a wall; the step {:.4g} s is {:.0f} to a contact",
+                     view.dt, steps);
+}
+
+std::string head(const GuardView& view) { return fmt::format("step {}, t = {:.6g} s: ", view.step, view.time); }
+
+}  // namespace
+
+std::int32_t fastest_grain(const Particles& particles) {
+  std::int32_t fastest = -1;
+  double speed = -1.0;
+  for (std::int32_t i = 0; i < particles.size(); ++i) {
+    if (!particles.is_here(i)) continue;
+    const double v = squared_length(particles.velocity(i));
+    if (v > speed || (v == speed && particles.gid(i) < particles.gid(fastest))) {
+      speed = v;
+      fastest = i;
+    }
+  }
+  return fastest;
+}
+
+std::string explain_overlap(const GuardView& view) {
+  ContactReport worst;
+  double ratio = -1.0;
+  view.contacts.for_each_contact(view.particles, view.dt, [&](const ContactReport& c) {
+    const double r = c.overlap / c.smaller_radius;
+    if (r > ratio || (r == ratio && view.particles.gid(c.grain) < view.particles.gid(worst.grain))) {
+      ratio = r;
+      worst = c;
+    }
+  });
+  if (ratio < 0.0) return head(view) + "an overlap ran away; the grains have parted since" + cure(view);
+  return head(view) + fmt::format("overlap runs away: {} is {:.4g} m deep in {}, {:.3g} of the smaller radius (limit run.max_overlap = {:.3g})",
+                                  grain_text(view, worst.grain), worst.overlap, other_text(view, worst, worst.grain), ratio,
+                                  view.scene.run.max_overlap) +
+         contacts_text(view, worst.grain) + cure(view);
+}
+
+std::string explain_not_finite(const GuardView& view) {
+  const Particles& p = view.particles;
+  std::int32_t first = -1;
+  const auto is_bad = [&](std::int32_t i) {
+    const Vec3 v = p.velocity(i), w = p.angular_velocity(i);
+    return !std::isfinite(v.x + v.y + v.z) || !std::isfinite(w.x + w.y + w.z);
+  };
+  for (std::int32_t i = 0; i < p.size(); ++i)
+    if (is_bad(i) && (first < 0 || p.gid(i) < p.gid(first))) first = i;
+  const std::string who = first < 0 ? std::string("a grain") : grain_text(view, first);
+  return head(view) + "the velocity of " + who + " is not finite" + cure(view);
+}
+
+std::string explain_speed(const GuardView& view, std::int32_t grain) {
+  const double speed = length(view.particles.velocity(grain));
+  return head(view) + fmt::format("{} moves {:.3g} of its radius in one step: contacts would be missed", grain_text(view, grain),
+                                  speed * view.dt / view.particles.radius(grain)) +
+         contacts_text(view, grain) + cure(view);
+}
+
+std::string explain_outside(const GuardView& view, std::int32_t grain) {
+  static constexpr const char* faces[] = {"x-low", "x-high", "y-low", "y-high", "z-low", "z-high"};
+  const Vec3 p = view.particles.position(grain);
+  const Domain& domain = view.scene.domain;
+  std::string face = "a face";
+  for (int axis = 0; axis < 3; ++axis) {
+    if (domain.periodic[static_cast<std::size_t>(axis)]) continue;
+    if (p[axis] < domain.low[axis]) face = faces[2 * axis];
+    if (p[axis] >= domain.high[axis]) face = faces[2 * axis + 1];
+  }
+  return head(view) + fmt::format("{} has left the domain through {} and there is no outlet: put an [[outlet]] with face = \"{}\" there, close "
+                                  "the walls, or make the domain larger", grain_text(view, grain), face, face);
+}
+
+}  // namespace moraine

@@ -1,0 +1,37 @@
+// When a run runs away: which grain, what it touches, why it is likely and what to do.
+#pragma once
+
+#include <string>
+
+#include "engine/contacts/contacts.hpp"
+#include "engine/particles/particles.hpp"
+#include "engine/scene/scene.hpp"
+#include "engine/walls/walls.hpp"
+
+namespace moraine {
+
+/// What the messages need to know of the run.
+struct GuardView {
+  const Scene& scene;
+  const Particles& particles;
+  const Contacts& contacts;
+  const Walls& walls;
+  double time = 0.0;       // [s]
+  double dt = 0.0;         // [s]
+  std::uint64_t step = 0;
+  double steps_per_contact = 0.0;
+};
+
+/// The contact that is deepest relative to the smaller radius.
+std::string explain_overlap(const GuardView& view);
+/// The first grain whose position or velocity is not a number.
+std::string explain_not_finite(const GuardView& view);
+/// The fastest grain moves so far in a step that contacts are missed.
+std::string explain_speed(const GuardView& view, std::int32_t grain);
+/// Grain outside the domain where there is no outlet.
+std::string explain_outside(const GuardView& view, std::int32_t grain);
+
+/// Index of the fastest grain, or -1 where there are none.
+std::int32_t fastest_grain(const Particles& particles);
+
+}  // namespace moraine

@@ -1,0 +1,74 @@
+// An image of a run at one moment: all that is needed to write a snapshot or a checkpoint, or to go on from one, in plain
+// arrays in order of gid. It knows nothing of layout, memory order or files: input and output on one side and the engine on
+// the other meet here.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "engine/particles/fields.hpp"
+#include "kernels/base/box.hpp"
+
+namespace moraine {
+
+/// 128-bit state hash; printed as 32 hexadecimal digits.
+struct Hash128 {
+  std::uint64_t high = 0;
+  std::uint64_t low = 0;
+  bool operator==(const Hash128&) const = default;
+  std::string text() const;
+  static Hash128 from_text(const std::string& hex);  // throws std::invalid_argument
+};
+
+/// One field of all grains, `components` values a grain, in order of gid. Exactly one of the vectors is used, by type.
+struct FieldArray {
+  Field field{};
+  std::vector<double> reals;
+  std::vector<std::uint64_t> gids;
+  std::vector<std::uint16_t> indices;
+};
+
+/// Tangential displacement of one touching pair; gid_low < gid_high, or the same grain and its periodic image.
+struct PairHistory {
+  std::uint64_t gid_low = 0;
+  std::uint64_t gid_high = 0;
+  std::uint64_t image = 0;             // periodic image of gid_high seen from gid_low (engine's code; 0: none)
+  double displacement[3] = {0, 0, 0};  // [m] of gid_low relative to gid_high
+  double energy = 0.0;                 // [J] stored in the tangential spring; kept with the energy ledger only
+  bool operator==(const PairHistory&) const = default;
+};
+
+/// Tangential displacement of one contact of a grain with a wall.
+struct WallHistory {
+  std::uint64_t gid = 0;
+  std::uint64_t surface = 0;           // index of the surface (a wall may consist of several)
+  double normal[3] = {0, 0, 0};        // of the contact in the last step: tells contacts with one mesh apart
+  double displacement[3] = {0, 0, 0};  // [m]
+  double energy = 0.0;                 // [J] as above
+  bool operator==(const WallHistory&) const = default;
+};
+
+struct Image {
+  std::uint64_t step = 0;
+  double time = 0.0;        // [s]
+  double time_step = 0.0;   // [s]
+  Box domain;               // [m]
+  std::array<bool, 3> periodic{};
+  std::uint64_t n_grains = 0;
+  std::vector<FieldArray> fields;
+  std::vector<PairHistory> pairs;      // in order of (gid_low, gid_high, image); empty in snapshots
+  std::vector<WallHistory> walls;      // in order of (gid, surface, normal); empty in snapshots
+  std::map<std::string, std::vector<double>> accumulators;  // named state of observers and counters; doubles carry it exactly
+  Hash128 hash;
+
+  const FieldArray* find(Field field) const {
+    for (const FieldArray& array : fields)
+      if (array.field == field) return &array;
+    return nullptr;
+  }
+};
+
+}  // namespace moraine

@@ -1,0 +1,44 @@
+// Where the energy is and where it went.
+//
+// Leapfrog keeps velocities half a step before positions. The ledger is taken at the positions: kinetic energy with the
+// velocities advanced by half a kick, elastic energy at the present overlaps, losses summed over the steps up to
+// the present positions, so that it closes to second order in the time step.
+#pragma once
+
+#include <vector>
+
+#include "engine/contacts/contacts.hpp"
+#include "engine/particles/particles.hpp"
+
+namespace moraine {
+
+/// Energies [J]; `error` is what the ledger does not explain.
+struct EnergyLedger {
+  double kinetic = 0.0;
+  double rotational = 0.0;
+  double elastic_normal = 0.0;
+  double elastic_tangential = 0.0;
+  double potential = 0.0;
+  double lost_normal = 0.0;      // to normal dashpots
+  double lost_tangential = 0.0;  // to tangential dashpots
+  double lost_friction = 0.0;
+  double lost_drag = 0.0;        // to bulk viscosity
+  double left = 0.0;             // carried out through outlets
+  double initial = 0.0;          // total at the start of the run
+  double total() const { return kinetic + rotational + elastic_normal + elastic_tangential + potential; }
+  double lost() const { return lost_normal + lost_tangential + lost_friction + lost_drag + left; }
+  double error() const { return total() + lost() - initial; }
+};
+
+/// All contacts at one moment, in an order that does not depend on the layout, and what they do to the grains.
+struct Measurement {
+  std::vector<ContactReport> contacts;   // by (gid, gid of the other or surface, place)
+  std::vector<Vec3> acceleration;        // [m/s2] of each grain, contacts and gravity
+  std::vector<Vec3> angular_acceleration;  // [rad/s2]
+};
+Measurement measure(const Particles& particles, const Contacts& contacts, Vec3 gravity, double dt);
+
+/// The energies at the present positions; `initial` and `left` stay zero. `damping` is the bulk viscosity [1/s].
+EnergyLedger take_ledger(const Particles& particles, const Measurement& now, Vec3 gravity, double damping, double dt);
+
+}  // namespace moraine

@@ -1,0 +1,204 @@
+#include "engine/run/plan.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "engine/contacts/law_table.hpp"
+#include "engine/particles/fill.hpp"
+#include "engine/particles/sizes.hpp"
+#include "kernels/contact/sweep.hpp"
+
+namespace moraine {
+
+namespace {
+
+struct Sizes {
+  double smallest = infinity;  // diameters [m]
+  double largest = 0.0;
+  double mean = 0.0;
+};
+
+/// Smallest and largest diameter of the grains of one material.
+Sizes sizes_of(const Scene& scene, const std::string& material) {
+  Sizes sizes;
+  const int index = scene.material_index(material);
+  const auto include = [&](double low, double high) {
+    sizes.smallest = std::min(sizes.smallest, low);
+    sizes.largest = std::max(sizes.largest, high);
+  };
+  for (const ParticleGroup& group : scene.particles) {
+    const auto* listed = std::get_if<ListedGrains>(&group.fill);
+    if (listed && listed->has_radius) {
+      for (const GrainSeed& grain : listed->grains)
+        if (grain.material == index) include(2.0 * grain.radius, 2.0 * grain.radius);
+    } else if (group.material == material) {
+      const DiameterSampler sampler(group.diameter);
+      include(sampler.smallest(), sampler.largest());
+    }
+  }
+  return sizes;
+}
+
+/// Time of a contact and its dashpot, for a reduced mass [kg] and radius [m].
+double contact_time(const Scene& scene, const PairParameters& p, double mass, double radius, double speed) {
+  const double beta = p[Parameter::damping];
+  double normal = infinity, tangential = infinity;
+  if (scene.contact.normal == NormalLaw::linear) {
+    normal = std::numbers::pi * std::sqrt(mass / p[Parameter::normal_stiffness]) / std::sqrt(std::max(1e-3, 1.0 - beta * beta));
+  } else {
+    const double e = p[Parameter::young];
+    normal = 2.868 * std::pow(mass * mass / (radius * e * e * speed), 0.2);
+  }
+  const bool has_spring = scene.contact.tangential == TangentialLaw::spring || scene.contact.tangential == TangentialLaw::power;
+  if (has_spring && scene.contact.normal == NormalLaw::linear && p[Parameter::friction] > 0.0) {
+    const double share = scene.contact.rotation ? 2.0 / 7.0 : 1.0;
+    tangential = std::numbers::pi * std::sqrt(share * mass / p[Parameter::tangential_stiffness]);
+  }
+  return std::min(normal, tangential);
+}
+
+double mean_diameter(const Scene& scene) {
+  double sum = 0.0, count = 0.0;
+  for (const ParticleGroup& group : scene.particles) {
+    if (const auto* listed = std::get_if<ListedGrains>(&group.fill); listed && listed->has_radius) {
+      for (const GrainSeed& grain : listed->grains) sum += 2.0 * grain.radius;
+      count += static_cast<double>(listed->grains.size());
+    } else {
+      const DiameterSampler sampler(group.diameter);
+      constexpr int n = 64;
+      for (int i = 0; i < n; ++i) sum += sampler((i + 0.5) / n) / n;
+      count += 1.0;
+    }
+  }
+  return count > 0.0 ? sum / count : 0.0;
+}
+
+const char* name_of(NormalLaw law) { return law == NormalLaw::linear ? "linear" : "hertz"; }
+const char* name_of(TangentialLaw law) {
+  switch (law) {
+    case TangentialLaw::none: return "none";
+    case TangentialLaw::viscous: return "viscous";
+    case TangentialLaw::spring: return "spring";
+    case TangentialLaw::mindlin: return "mindlin";
+    case TangentialLaw::power: return "power";
+  }
+  return "";
+}
+
+/// Bytes a grain: record, gid, material, place at the last rebuild, pairs with memory and entries, scratch of a rebuild.
+double bytes_per_grain(const Scene& scene) {
+  const bool has_history = scene.contact.tangential != TangentialLaw::none && scene.contact.tangential != TangentialLaw::viscous;
+  const double record = 8.0 * record_size(scene.contact.rotation);
+  const double pairs = 4.2 * (8.0 + 8.0 + (has_history ? 32.0 : 0.0) + 2.0);
+  return 2.0 * record + 8.0 + 2.0 + 24.0 + pairs + (has_history ? 110.0 : 0.0) + 40.0 + (scene.output.energy ? 32.0 : 0.0);
+}
+
+void describe(const Scene& scene, Plan& plan) {
+  const auto say = [](std::vector<std::string>& list, bool is_used, const std::string& used, const std::string& unused,
+                      std::vector<std::string>& other) {
+    if (is_used) list.push_back(used);
+    else other.push_back(unused);
+  };
+  plan.chosen.push_back(fmt::format("contacts: normal {}, tangential {}, double precision, {} lanes by {}", name_of(scene.contact.normal),
+                                    name_of(scene.contact.tangential), std::string(instruction_set()) == "AVX3" ? 8 : 4,
+                                    instruction_set()));
+  say(plan.chosen, scene.contact.rotation, "rotation", "rotation (grains do not spin: 64 bytes a grain instead of 96)", plan.left_out);
+  const bool has_history = scene.contact.tangential != TangentialLaw::none && scene.contact.tangential != TangentialLaw::viscous;
+  say(plan.chosen, has_history, "contact history", "contact history (the tangential law needs none)", plan.left_out);
+  const bool has_periodic = scene.domain.periodic[0] || scene.domain.periodic[1] || scene.domain.periodic[2];
+  say(plan.chosen, has_periodic, "periodic images", "periodic images", plan.left_out);
+  say(plan.chosen, !scene.walls.empty(), fmt::format("{} wall{}", scene.walls.size(), scene.walls.size() == 1 ? "" : "s"), "walls", plan.left_out);
+  say(plan.chosen, scene.output.energy, "energy ledger", "energy ledger (output.energy = true keeps it)", plan.left_out);
+  say(plan.chosen, scene.time.damping > 0.0, fmt::format("bulk viscosity {:g} 1/s", scene.time.damping), "bulk viscosity", plan.left_out);
+  say(plan.chosen, !scene.outlets.empty(), fmt::format("{} outlet{}", scene.outlets.size(), scene.outlets.size() == 1 ? "" : "s"), "outlets", plan.left_out);
+  say(plan.chosen, scene.domain.dimensions == 3, "three dimensions", "the third dimension (z is frozen)", plan.left_out);
+  plan.left_out.push_back("gas");
+}
+
+}  // namespace
+
+double expected_speed(const Scene& scene) {
+  if (scene.time.max_speed > 0.0) return scene.time.max_speed;
+  double speed = 0.0;
+  for (const ParticleGroup& group : scene.particles) {
+    speed = std::max(speed, length(group.velocity) + 4.0 * group.velocity_deviation);
+    if (const auto* listed = std::get_if<ListedGrains>(&group.fill))
+      for (const GrainSeed& grain : listed->grains) speed = std::max(speed, length(grain.velocity));
+  }
+  const Vec3 g = scene.time.gravity, size = scene.domain.box().size();
+  double fall = 0.0;  // g h over the directions in which a grain can fall
+  for (int axis = 0; axis < 3; ++axis)
+    if (!scene.domain.periodic[static_cast<std::size_t>(axis)]) fall += std::abs(g[axis]) * size[axis];
+  speed = std::sqrt(speed * speed + 2.0 * fall);
+  return speed > 0.0 ? speed : 1.0;
+}
+
+StepChoice choose_time_step(const Scene& scene) {
+  StepChoice choice;
+  choice.contact_time = infinity;
+  const double speed = expected_speed(scene);
+  std::vector<std::pair<std::string, Sizes>> grains;
+  for (const Material& material : scene.materials)
+    if (const Sizes sizes = sizes_of(scene, material.name); sizes.largest > 0.0) grains.emplace_back(material.name, sizes);
+  const auto density = [&](const std::string& name) {
+    return scene.materials[static_cast<std::size_t>(scene.material_index(name))].density;
+  };
+  const auto mass = [&](const std::string& name, double d) { return density(name) * std::numbers::pi / 6.0 * d * d * d; };
+  const auto consider = [&](const PairParameters& p, double reduced_mass, double reduced_radius, const std::string& words) {
+    const double time = contact_time(scene, p, reduced_mass, reduced_radius, speed);
+    if (time < choice.contact_time) {
+      choice.contact_time = time;
+      choice.limit = words;
+    }
+  };
+  for (const auto& [a, sa] : grains) {
+    const double da = sa.smallest, ma = mass(a, da);
+    for (const auto& [b, sb] : grains) {
+      const double db = sb.smallest, mb = mass(b, db);
+      consider(pair_parameters(scene, a, b), ma * mb / (ma + mb), 0.5 * da * db / (da + db),
+               fmt::format("{} (d {:.4g} m) with {} (d {:.4g} m)", a, da, b, db));
+    }
+    for (const WallDefinition& wall : scene.walls) {
+      if (wall.symmetry) {
+        consider(pair_parameters(scene, a, a), 0.5 * ma, 0.25 * da, fmt::format("{} (d {:.4g} m) with its mirror image", a, da));
+      } else {
+        consider(pair_parameters(scene, a, wall.material), ma, 0.5 * da,
+                 fmt::format("{} (d {:.4g} m) with wall \"{}\" ({})", a, da, wall.name, wall.material));
+      }
+    }
+  }
+  if (choice.contact_time == infinity) {  // no grains: anything will do
+    choice.contact_time = scene.time.end;
+    choice.limit = "nothing (there are no grains)";
+  }
+  if (scene.contact.normal == NormalLaw::hertz) choice.limit += fmt::format(" at {:.3g} m/s", speed);
+  choice.automatic = choice.contact_time / scene.time.steps_per_contact;
+  choice.step = scene.time.step.value_or(choice.automatic);
+  choice.steps_per_contact = choice.contact_time / choice.step;
+  return choice;
+}
+
+Plan make_plan(const Scene& scene, int n_threads) {
+  Plan plan;
+  plan.time_step = choose_time_step(scene);
+  plan.n_steps = static_cast<std::uint64_t>(std::ceil(scene.time.end / plan.time_step.step - 1e-9));
+  plan.n_grains = static_cast<std::uint64_t>(count_grains(scene));
+  plan.skin = scene.run.skin > 0.0 ? scene.run.skin : 0.1 * mean_diameter(scene);
+  plan.memory = 4e7 + static_cast<double>(plan.n_grains) * bytes_per_grain(scene);
+  // Particle-steps a second of one core as measured on the settled bed (bench/results); a guess for any other scene.
+  const double rate = 8e6 * std::max(1.0, 0.9 * n_threads);
+  plan.seconds = static_cast<double>(plan.n_grains) * static_cast<double>(plan.n_steps) / rate;
+  describe(scene, plan);
+  if (plan.time_step.steps_per_contact < 15.0)
+    plan.warnings.push_back(fmt::format(
+        "time.step = {:.4g} s gives the shortest contact ({}, {:.4g} s) only {:.1f} steps: forces will be wrong, and below about 6 the "
+        "run blows up; at most {:.4g} s (20 steps) is advised",
+        plan.time_step.step, plan.time_step.limit, plan.time_step.contact_time, plan.time_step.steps_per_contact,
+        plan.time_step.contact_time / 20.0));
+  return plan;
+}
+
+}  // namespace moraine

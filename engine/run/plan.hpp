@@ -1,0 +1,41 @@
+// What a scene will be run with, decided before anything is built.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "engine/scene/scene.hpp"
+
+namespace moraine {
+
+/// What limits the time step.
+struct StepChoice {
+  double step = 0.0;               // [s] the step that will be used
+  double automatic = 0.0;          // [s] the step that "auto" chooses
+  double contact_time = 0.0;       // [s] duration of the limiting contact
+  std::string limit;               // the limiting contact, in words
+  double steps_per_contact = 0.0;  // [-] with `step`
+};
+
+/// What a scene will be run with; shown by `moraine check`.
+struct Plan {
+  StepChoice time_step;
+  std::uint64_t n_steps = 0;
+  std::uint64_t n_grains = 0;
+  double skin = 0.0;               // [m]
+  double memory = 0.0;             // [bytes] estimate
+  double seconds = 0.0;            // [s] estimate of the time to run
+  std::vector<std::string> chosen; // kernels, in words
+  std::vector<std::string> left_out;
+  std::vector<std::string> warnings;
+};
+
+/// The plan of a scene for one machine, without running it.
+Plan make_plan(const Scene& scene, int n_threads);
+/// The time step of a scene and what limits it.
+StepChoice choose_time_step(const Scene& scene);
+/// The fastest approach to expect [m/s]: as the scene says, or from its initial velocities and the height of its domain.
+double expected_speed(const Scene& scene);
+
+}  // namespace moraine

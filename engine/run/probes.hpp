@@ -1,0 +1,35 @@
+// Probes: time series of what happens in a part of the scene.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "engine/run/ledger.hpp"
+#include "engine/scene/scene.hpp"
+#include "engine/walls/walls.hpp"
+
+namespace moraine {
+
+/// Counts and masses [kg] of the grains ever born and of those that have left.
+struct Census {
+  double n_born = 0.0, n_left = 0.0;
+  double mass_born = 0.0, mass_left = 0.0;
+};
+
+/// What a probe may look at.
+struct ProbeView {
+  const Scene& scene;
+  const Walls& walls;
+  const Particles& particles;
+  const Measurement& now;
+  const EnergyLedger* energy;  // nullptr where the scene keeps none
+  Census census;
+  double time = 0.0;           // [s]
+};
+
+/// Column names with units, the time not among them.
+std::vector<std::string> probe_columns(const Scene& scene, const Probe& probe);
+/// Values of the columns. `last` is the probe's own memory from row to row (time and mass left), kept through restarts.
+std::vector<double> probe_row(const ProbeView& view, const Probe& probe, std::vector<double>& last);
+
+}  // namespace moraine

@@ -1,0 +1,599 @@
+#include "engine/run/simulation.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <optional>
+
+#include "engine/contacts/contacts.hpp"
+#include "engine/particles/fill.hpp"
+#include "engine/particles/particles.hpp"
+#include "engine/run/guard.hpp"
+#include "engine/run/probes.hpp"
+#include "engine/run/state_hash.hpp"
+#include "engine/threads.hpp"
+#include "engine/walls/walls.hpp"
+
+namespace moraine {
+
+namespace {
+
+/// A grain that moves further than this part of its radius in a step misses contacts.
+constexpr double max_travel = 0.2;
+/// Grains or walls may overlap by this part of the smaller radius at the start.
+constexpr double max_start_overlap = 0.2;
+
+FieldNeeds needs_of(const Scene& scene) {
+  FieldNeeds needs;
+  needs.rotation = scene.contact.rotation;
+  needs.energy = scene.output.energy;
+  const auto wants = [&](const char* name) {
+    return std::find(scene.output.fields.begin(), scene.output.fields.end(), name) != scene.output.fields.end();
+  };
+  needs.force = wants("force");
+  needs.torque = wants("torque") && scene.contact.rotation;
+  return needs;
+}
+
+void check(const Scene& scene) {
+  std::vector<Problem> problems = validate(scene);
+  std::erase_if(problems, [](const Problem& problem) { return problem.is_warning; });
+  if (!problems.empty()) throw SceneError(std::move(problems));
+}
+
+/// What all grains have in common.
+struct Common {
+  double smallest_radius = infinity;
+  double largest_radius = 0.0;
+  double inverse_mass = 0.0;
+  bool is_uniform = true;  // one radius, one mass, one material
+};
+
+Common common_of(const Particles& particles) {
+  Common common;
+  for (std::int32_t i = 0; i < particles.size(); ++i) {
+    const double r = particles.radius(i), m = particles.inverse_mass(i);
+    if (i == 0) common.inverse_mass = m;
+    common.smallest_radius = std::min(common.smallest_radius, r);
+    common.largest_radius = std::max(common.largest_radius, r);
+    common.is_uniform = common.is_uniform && m == common.inverse_mass && r == particles.radius(0) &&
+                        particles.material(i) == particles.material(0);
+  }
+  return common;
+}
+
+void put_seeds(const Scene& scene, const std::vector<GrainSeed>& seeds, Particles& particles) {
+  if (seeds.size() >= (std::size_t{1} << 30))
+    throw SceneError({{"particles", "more than 2^30 grains in one rank; use more ranks", false}});
+  particles.resize(static_cast<std::int32_t>(seeds.size()));
+  for (std::int32_t i = 0; i < particles.size(); ++i) {
+    const GrainSeed& seed = seeds[static_cast<std::size_t>(i)];
+    const double mass = scene.materials[seed.material].density * 4.0 / 3.0 * std::numbers::pi * seed.radius * seed.radius * seed.radius;
+    for (int c = 0; c < 3; ++c) {
+      particles.set_real(Field::position, i, c, seed.position[c]);
+      particles.set_real(Field::velocity, i, c, seed.velocity[c]);
+      if (scene.contact.rotation) particles.set_real(Field::angular_velocity, i, c, seed.angular_velocity[c]);
+    }
+    particles.set_real(Field::radius, i, 0, seed.radius);
+    particles.set_real(Field::inverse_mass, i, 0, 1.0 / mass);
+    if (scene.contact.rotation)
+      particles.set_real(Field::inverse_inertia, i, 0, 1.0 / (0.4 * mass * seed.radius * seed.radius));
+    if (scene.domain.dimensions == 2) particles.set_real(Field::velocity, i, 2, 0.0);
+    particles.set_gid(i, static_cast<std::uint64_t>(i));
+    particles.set_material(i, seed.material);
+  }
+}
+
+void put_image(const Image& image, Particles& particles) {
+  particles.resize(static_cast<std::int32_t>(image.n_grains));
+  for (const FieldInfo& row : field_table) {
+    if (!particles.has(row.field) || row.travel == Travel::never) continue;
+    const FieldArray* const array = image.find(row.field);
+    if (!array)
+      throw SceneError({{"", "the checkpoint holds no field \"" + std::string(row.name) + "\", which the scene needs", false}});
+    for (std::int32_t i = 0; i < particles.size(); ++i) {
+      const auto k = static_cast<std::size_t>(i);
+      if (row.type == FieldType::gid) particles.set_gid(i, array->gids[k]);
+      else if (row.type == FieldType::index) particles.set_material(i, array->indices[k]);
+      else
+        for (int c = 0; c < row.components; ++c)
+          particles.set_real(row.field, i, c, array->reals[k * static_cast<std::size_t>(row.components) + static_cast<std::size_t>(c)]);
+    }
+  }
+}
+
+/// Places of gids in the image's order.
+class PlaceOf {
+ public:
+  explicit PlaceOf(const Particles& particles) : gids_(particles.gids(), particles.gids() + particles.size()) {}
+  std::int32_t operator()(std::uint64_t gid) const {
+    const auto found = std::lower_bound(gids_.begin(), gids_.end(), gid);
+    if (found == gids_.end() || *found != gid)
+      throw SceneError({{"", "the checkpoint remembers a contact of grain " + std::to_string(gid) + ", which it does not hold", false}});
+    return static_cast<std::int32_t>(found - gids_.begin());
+  }
+
+ private:
+  std::span<const std::uint64_t> gids_;
+};
+
+PairCarry carry_of(const std::vector<PairHistory>& pairs, const Particles& particles) {
+  const PlaceOf place(particles);
+  PairCarry carry;
+  carry.begin.assign(static_cast<std::size_t>(particles.size()) + 1, 0);
+  for (const PairHistory& pair : pairs) ++carry.begin[static_cast<std::size_t>(place(pair.gid_low)) + 1];
+  for (std::size_t i = 1; i < carry.begin.size(); ++i) carry.begin[i] += carry.begin[i - 1];
+  std::vector<std::int64_t> next(carry.begin.begin(), carry.begin.end() - 1);
+  carry.items.resize(pairs.size());
+  for (const PairHistory& pair : pairs) {
+    PairCarry::Item item;
+    std::copy_n(pair.displacement, 3, item.memory.displacement);
+    item.memory.energy = pair.energy;
+    item.other = place(pair.gid_high);
+    item.image = static_cast<std::uint8_t>(pair.image);
+    carry.items[static_cast<std::size_t>(next[static_cast<std::size_t>(place(pair.gid_low))]++)] = item;
+  }
+  return carry;
+}
+
+WallCarry carry_of(const std::vector<WallHistory>& walls, const Particles& particles) {
+  const PlaceOf place(particles);
+  WallCarry carry;
+  for (const WallHistory& wall : walls) {
+    WallCarry::Item item;
+    item.grain = place(wall.gid);
+    item.surface = static_cast<std::int32_t>(wall.surface);
+    std::copy_n(wall.displacement, 3, item.memory.memory.displacement);
+    item.memory.memory.energy = wall.energy;
+    item.memory.normal = {wall.normal[0], wall.normal[1], wall.normal[2]};
+    carry.items.push_back(item);
+  }
+  std::stable_sort(carry.items.begin(), carry.items.end(), [](const auto& x, const auto& y) { return x.grain < y.grain; });
+  return carry;
+}
+
+}  // namespace
+
+/// What this step does besides advancing the grains; decided in one place.
+struct StepPlan {
+  bool rebuild = false;
+};
+
+struct Simulation::Parts {
+  Scene scene;
+  int n_threads;
+  Plan plan;
+  Walls walls;
+  Particles particles;
+  std::optional<Contacts> contacts;
+  Common common;
+  Stopwatch stopwatch;
+
+  std::uint64_t step = 0;
+  double dt = 0.0;
+  Census census;
+  double energy_left = 0.0;      // [J] carried out through outlets
+  double energy_initial = 0.0;
+  bool has_energy_initial = false;
+  std::vector<std::vector<double>> probe_memory;
+
+  // Until when the pair list is good.
+  double skin = 0.0;             // [m]
+  bool is_list_old = true;       // it must be rebuilt, however little has moved
+  double travelled = 0.0;        // [m] no grain has moved further since the rebuild
+  std::vector<Vec3> place_at_rebuild;
+  double next_wall_change = 0.0; // [s]
+  std::uint64_t n_rebuilds = 0, steps_since_rebuild = 0;
+  StepResult result;
+  std::optional<Measurement> measurement;  // of the present positions
+
+  Parts(const Scene& s, int threads)
+      : scene(s), n_threads(threads), plan(make_plan(s, threads)), walls(s), particles(needs_of(s)), dt(plan.time_step.step),
+        probe_memory(s.output.probes.size()) {}
+
+  double time() const { return static_cast<double>(step) * dt; }
+  GuardView guard_view() const { return {scene, particles, *contacts, walls, time(), dt, step, plan.time_step.steps_per_contact}; }
+
+  void make_contacts();
+  void choose_skin();
+  double widest_skin() const;
+  StepPlan decide();
+  double largest_travel() const;
+  void rebuild();
+  void advance();
+  void cross_faces();
+  void guard();
+  void tick();
+
+  void after_rebuild();
+  bool leaves_through_outlet(Vec3 position) const;
+  void remove(std::int32_t i);
+  void check_start();
+  const Measurement& measured();
+  EnergyLedger energy();
+  FieldArray gather(const FieldInfo& row, const std::vector<std::int32_t>& order) const;
+  std::vector<std::int32_t> order_by_gid() const;
+  Image image_head() const;
+};
+
+void Simulation::Parts::make_contacts() {
+  common = common_of(particles);
+  const double radius = particles.size() > 0 ? particles.radius(0) : 1.0;
+  contacts.emplace(scene, walls, common.is_uniform, common.inverse_mass, radius);
+  skin = plan.skin;
+  choose_skin();
+}
+
+double Simulation::Parts::widest_skin() const {
+  double widest = infinity;
+  for (int axis = 0; axis < 3; ++axis)
+    if (scene.domain.periodic[static_cast<std::size_t>(axis)])
+      widest = std::min(widest, scene.domain.box().size()[axis] - 2.0 * common.largest_radius);
+  return widest;
+}
+
+/// The skin is a matter of speed only: rebuilds should be rare beside steps, and the list short.
+void Simulation::Parts::choose_skin() {
+  if (scene.run.skin <= 0.0 && n_rebuilds > 1) {
+    const double unit = plan.skin;  // a tenth of the mean diameter
+    if (steps_since_rebuild < 20) skin = std::min(1.3 * skin, 4.0 * unit);
+    if (steps_since_rebuild > 300) skin = std::max(0.85 * skin, 0.4 * unit);
+  }
+  const double widest = widest_skin();
+  if (!(widest > 1e-6 * common.largest_radius) && particles.size() > 0)
+    throw SceneError({{"domain", "a periodic direction is not wider than the largest grain: no room to tell a grain from its image", false}});
+  skin = std::min(skin, widest);
+}
+
+double Simulation::Parts::largest_travel() const {
+  std::vector<double> squares(static_cast<std::size_t>(n_threads), 0.0);
+  parallel(n_threads, [&](int thread) {
+    const Range share = share_of(particles.size(), thread, n_threads);
+    double largest = 0.0;
+    for (std::int64_t i = share.begin; i < share.end; ++i) {
+      const double moved = squared_length(particles.position(i) - place_at_rebuild[static_cast<std::size_t>(i)]);
+      if (moved > largest) largest = moved;  // false for grains that have left
+    }
+    squares[static_cast<std::size_t>(thread)] = largest;
+  });
+  return std::sqrt(*std::max_element(squares.begin(), squares.end()));
+}
+
+StepPlan Simulation::Parts::decide() {
+  StepPlan todo;
+  const double allowed = 0.5 * skin * (1.0 - 1e-9);
+  if (!is_list_old && travelled > allowed) travelled = largest_travel();
+  todo.rebuild = is_list_old || travelled > 0.95 * allowed || time() >= next_wall_change;
+  return todo;
+}
+
+void Simulation::Parts::rebuild() {
+  stopwatch.start(Phase::rebuild);
+  ++n_rebuilds;
+  choose_skin();
+  contacts->rebuild(particles, skin, time(), n_threads);
+  after_rebuild();
+}
+
+void Simulation::Parts::after_rebuild() {
+  is_list_old = false;
+  travelled = 0.0;
+  steps_since_rebuild = 0;
+  next_wall_change = walls.next_change(time());
+  place_at_rebuild.resize(static_cast<std::size_t>(particles.size()));
+  for (std::int32_t i = 0; i < particles.size(); ++i) place_at_rebuild[static_cast<std::size_t>(i)] = particles.position(i);
+}
+
+void Simulation::Parts::advance() {
+  stopwatch.start(Phase::advance);
+  const double c = scene.time.damping;
+  const double h = step == 0 ? 0.5 * dt : dt;  // velocities start at the positions, and half a step behind them from then on
+  Kick kick;
+  kick.keep = (1.0 - 0.5 * c * h) / (1.0 + 0.5 * c * h);
+  kick.gain = h / (1.0 + 0.5 * c * h);
+  kick.spin_gain = h;
+  kick.drift = dt;
+  kick.drag_loss = 0.25 * c * h;
+  kick.gravity = scene.time.gravity;
+  kick.is_flat = scene.domain.dimensions == 2;
+  contacts->advance(particles, kick, dt, n_threads, result);
+  if (step == 0 && particles.has(Field::dissipated)) {  // rates are counted for half a step at the start
+    double* const lost = particles.dissipated();
+    for (std::ptrdiff_t k = 0; k < 4 * static_cast<std::ptrdiff_t>(particles.size()); ++k)
+      if (k % 4 == 0) lost[k] *= 0.5;
+  }
+  travelled += result.max_speed * dt;
+}
+
+bool Simulation::Parts::leaves_through_outlet(Vec3 position) const {
+  const Box box = scene.domain.box();
+  for (const Outlet& outlet : scene.outlets) {
+    if (const int* face = std::get_if<int>(&outlet.where)) {
+      const int axis = *face / 2;
+      if (*face % 2 == 0 ? position[axis] < box.low[axis] : position[axis] >= box.high[axis]) return true;
+    } else if (std::get<Box>(outlet.where).contains(position)) {
+      return true;
+    }
+  }
+  return false;
+}
+
+void Simulation::Parts::remove(std::int32_t i) {
+  const double mass = 1.0 / particles.inverse_mass(i);
+  census.n_left += 1.0;
+  census.mass_left += mass;
+  if (scene.output.energy) {
+    energy_left += 0.5 * mass * squared_length(particles.velocity(i)) - mass * dot(scene.time.gravity, particles.position(i));
+    if (scene.contact.rotation) energy_left += 0.5 / particles.inverse_inertia(i) * squared_length(particles.angular_velocity(i));
+    for (int k = 0; k < 4; ++k) energy_left += particles.dissipated()[4 * static_cast<std::ptrdiff_t>(i) + k];
+  }
+  for (int c = 0; c < 3; ++c) {
+    particles.set_real(Field::position, i, c, std::numeric_limits<double>::quiet_NaN());
+    particles.set_real(Field::velocity, i, c, 0.0);
+    if (scene.contact.rotation) particles.set_real(Field::angular_velocity, i, c, 0.0);
+  }
+  // no weight: gravity must not move it
+}
+
+void Simulation::Parts::cross_faces() {
+  stopwatch.start(Phase::faces);
+  const Box box = scene.domain.box();
+  std::vector<std::int32_t> outside = result.outside;
+  const bool has_boxes = std::any_of(scene.outlets.begin(), scene.outlets.end(),
+                                     [](const Outlet& outlet) { return std::holds_alternative<Box>(outlet.where); });
+  if (has_boxes)
+    for (std::int32_t i = 0; i < particles.size(); ++i)
+      if (particles.is_here(i) && box.contains(particles.position(i)) && leaves_through_outlet(particles.position(i))) outside.push_back(i);
+  std::sort(outside.begin(), outside.end(), [&](std::int32_t x, std::int32_t y) { return particles.gid(x) < particles.gid(y); });
+  for (const std::int32_t i : outside) {
+    // A coordinate is wrapped in the step in which the grain crosses, because wrapping rounds.
+    std::array<int, 3> steps{};
+    for (int axis = 0; axis < 3; ++axis) {
+      if (!scene.domain.periodic[static_cast<std::size_t>(axis)]) continue;
+      const double x = particles.position(i)[axis], period = box.high[axis] - box.low[axis];
+      int& by = steps[static_cast<std::size_t>(axis)];
+      by = x < box.low[axis] ? 1 : x >= box.high[axis] ? -1 : 0;
+      if (by == 0) continue;
+      double wrapped = x + by * period;
+      if (wrapped >= box.high[axis]) wrapped = box.low[axis];  // rounding has put a grain just below the low face onto the high one
+      particles.set_real(Field::position, i, axis, wrapped);
+      place_at_rebuild[static_cast<std::size_t>(i)][axis] += by * period;
+    }
+    if (steps[0] || steps[1] || steps[2]) contacts->shift_images(i, steps);
+    const Vec3 position = particles.position(i);
+    if (leaves_through_outlet(position)) remove(i);
+    else if (!box.contains(position)) throw RunError(explain_outside(guard_view(), i));
+  }
+}
+
+void Simulation::Parts::guard() {
+  stopwatch.start(Phase::guard);
+  if (result.is_any_not_finite) throw RunError(explain_not_finite(guard_view()));
+  if (result.has_large_overlap) throw RunError(explain_overlap(guard_view()));
+  if (result.max_speed * dt > max_travel * common.smallest_radius) {
+    const std::int32_t fastest = fastest_grain(particles);
+    if (fastest >= 0 && length(particles.velocity(fastest)) * dt > max_travel * particles.radius(fastest))
+      throw RunError(explain_speed(guard_view(), fastest));
+  }
+}
+
+void Simulation::Parts::tick() {
+  ++step;
+  ++steps_since_rebuild;
+  measurement.reset();
+  stopwatch.start(Phase::observe);
+}
+
+void Simulation::Parts::check_start() {
+  std::vector<Problem> problems;
+  std::int64_t n_deep = 0;
+  for (const ContactReport& c : measured().contacts) {
+    if (!(c.overlap > max_start_overlap * c.smaller_radius)) continue;
+    if (++n_deep > 1) continue;
+    const Vec3 p = particles.position(c.grain);
+    const std::string other = c.other >= 0 ? "grain " + std::to_string(particles.gid(c.other))
+                                           : "wall \"" + scene.walls[static_cast<std::size_t>(walls.surfaces()[static_cast<std::size_t>(c.surface)].wall)].name + "\"";
+    char where[160];
+    std::snprintf(where, sizeof(where), "at (%.6g, %.6g, %.6g) m overlaps %s by %.3g of the smaller radius", p.x, p.y, p.z, other.c_str(),
+                  c.overlap / c.smaller_radius);
+    problems.push_back({"particles", "at the start grain " + std::to_string(particles.gid(c.grain)) + " " + where +
+                                         "; at most 0.2 is allowed: move the grains apart or away from the wall", false});
+  }
+  if (n_deep == 0) return;
+  if (n_deep > 1) problems[0].message += " (" + std::to_string(n_deep) + " such contacts)";
+  throw SceneError(std::move(problems));
+}
+
+const Measurement& Simulation::Parts::measured() {
+  if (!measurement) {
+    if (is_list_old || time() >= next_wall_change) rebuild();
+    if (const double allowed = 0.5 * skin * (1.0 - 1e-9); travelled > allowed) rebuild();
+    measurement = measure(particles, *contacts, scene.time.gravity, dt);
+  }
+  return *measurement;
+}
+
+EnergyLedger Simulation::Parts::energy() {
+  EnergyLedger ledger = take_ledger(particles, measured(), scene.time.gravity, scene.time.damping, step == 0 ? 0.0 : dt);
+  ledger.left = energy_left;
+  if (!has_energy_initial) {
+    energy_initial = ledger.total();
+    has_energy_initial = true;
+  }
+  ledger.initial = energy_initial;
+  return ledger;
+}
+
+std::vector<std::int32_t> Simulation::Parts::order_by_gid() const {
+  std::vector<std::int32_t> order;
+  order.reserve(static_cast<std::size_t>(particles.size()));
+  for (std::int32_t i = 0; i < particles.size(); ++i)
+    if (particles.is_here(i)) order.push_back(i);
+  std::sort(order.begin(), order.end(), [&](std::int32_t x, std::int32_t y) { return particles.gid(x) < particles.gid(y); });
+  return order;
+}
+
+FieldArray Simulation::Parts::gather(const FieldInfo& row, const std::vector<std::int32_t>& order) const {
+  FieldArray array;
+  array.field = row.field;
+  for (const std::int32_t i : order) {
+    if (row.type == FieldType::gid) array.gids.push_back(particles.gid(i));
+    else if (row.type == FieldType::index) array.indices.push_back(particles.material(i));
+    else
+      for (int c = 0; c < row.components; ++c) array.reals.push_back(particles.real(row.field, i, c));
+  }
+  return array;
+}
+
+Image Simulation::Parts::image_head() const {
+  Image image;
+  image.step = step;
+  image.time = time();
+  image.time_step = dt;
+  image.domain = scene.domain.box();
+  image.periodic = scene.domain.periodic;
+  return image;
+}
+
+Simulation::Simulation(const Scene& scene, int n_threads) {
+  check(scene);
+  parts_ = std::make_unique<Parts>(scene, n_threads);
+  Parts& p = *parts_;
+  put_seeds(scene, make_grains(scene, n_threads), p.particles);
+  p.census.n_born = p.particles.size();
+  for (std::int32_t i = 0; i < p.particles.size(); ++i) p.census.mass_born += 1.0 / p.particles.inverse_mass(i);
+  p.make_contacts();
+  p.rebuild();
+  p.check_start();
+  if (scene.output.energy) p.energy();
+  p.stopwatch.start(Phase::observe);
+}
+
+Simulation::Simulation(const Scene& scene, int n_threads, const Image& image) {
+  check(scene);
+  parts_ = std::make_unique<Parts>(scene, n_threads);
+  Parts& p = *parts_;
+  if (image.time_step != p.dt)
+    throw SceneError({{"time.step", "is " + std::to_string(p.dt) + " s, but the checkpoint was written with " +
+                                        std::to_string(image.time_step) + " s; a run goes on with the step it had", false}});
+  if (!(image.domain == scene.domain.box()) || image.periodic != scene.domain.periodic)
+    throw SceneError({{"domain", "is not the one that the checkpoint was written with", false}});
+  put_image(image, p.particles);
+  p.step = image.step;
+  const auto number = [&](const char* name) {
+    const auto found = image.accumulators.find(name);
+    if (found == image.accumulators.end() || found->second.size() != 1)
+      throw SceneError({{"", "the checkpoint holds no \"" + std::string(name) + "\"", false}});
+    return found->second[0];
+  };
+  p.census = {number("born"), number("left"), number("mass_born"), number("mass_left")};
+  p.energy_left = number("energy_left");
+  p.energy_initial = number("energy_initial");
+  p.has_energy_initial = scene.output.energy;
+  for (std::size_t k = 0; k < p.probe_memory.size(); ++k)
+    if (const auto found = image.accumulators.find("probe_" + scene.output.probes[k].name); found != image.accumulators.end())
+      p.probe_memory[k] = found->second;
+  p.make_contacts();
+  p.contacts->restore(p.particles, carry_of(image.pairs, p.particles), carry_of(image.walls, p.particles), p.skin, p.time(), n_threads);
+  p.after_rebuild();
+  p.stopwatch.start(Phase::observe);
+}
+
+Simulation::~Simulation() = default;
+Simulation::Simulation(Simulation&&) noexcept = default;
+Simulation& Simulation::operator=(Simulation&&) noexcept = default;
+
+void Simulation::step() {
+  Parts& p = *parts_;
+  const StepPlan todo = p.decide();
+  if (todo.rebuild) p.rebuild();
+  p.advance();
+  p.guard();
+  p.cross_faces();
+  p.tick();
+}
+
+const Scene& Simulation::scene() const { return parts_->scene; }
+const Plan& Simulation::plan() const { return parts_->plan; }
+std::uint64_t Simulation::step_number() const { return parts_->step; }
+double Simulation::time() const { return parts_->time(); }
+double Simulation::time_step() const { return parts_->dt; }
+std::uint64_t Simulation::n_born() const { return static_cast<std::uint64_t>(parts_->census.n_born); }
+std::uint64_t Simulation::n_left() const { return static_cast<std::uint64_t>(parts_->census.n_left); }
+std::uint64_t Simulation::n_grains() const { return n_born() - n_left(); }
+std::uint64_t Simulation::n_rebuilds() const { return parts_->n_rebuilds; }
+std::vector<PhaseTime> Simulation::phases() const { return parts_->stopwatch.table(); }
+Hash128 Simulation::state_hash() const { return moraine::state_hash(parts_->particles, *parts_->contacts, parts_->step); }
+
+Image Simulation::snapshot(const std::vector<std::string>& fields) const {
+  const Parts& p = *parts_;
+  Image image = p.image_head();
+  const std::vector<std::int32_t> order = p.order_by_gid();
+  image.n_grains = order.size();
+  for (const FieldInfo& row : field_table) {
+    const bool is_asked = fields.empty() ? row.travel != Travel::never || p.particles.has(row.field)
+                                         : row.field == Field::gid || row.field == Field::position || row.field == Field::radius ||
+                                               std::find(fields.begin(), fields.end(), row.name) != fields.end();
+    if (is_asked && p.particles.has(row.field)) image.fields.push_back(p.gather(row, order));
+  }
+  image.hash = state_hash();
+  return image;
+}
+
+Image Simulation::checkpoint() const {
+  const Parts& p = *parts_;
+  Image image = p.image_head();
+  const std::vector<std::int32_t> order = p.order_by_gid();
+  image.n_grains = order.size();
+  for (const FieldInfo& row : field_table)
+    if (row.travel != Travel::never && p.particles.has(row.field)) image.fields.push_back(p.gather(row, order));
+  const PairCarry pairs = p.contacts->pair_carry(p.particles);
+  for (std::size_t i = 0; i + 1 < pairs.begin.size(); ++i)
+    for (std::int64_t k = pairs.begin[i]; k < pairs.begin[i + 1]; ++k) {
+      const PairCarry::Item& item = pairs.items[static_cast<std::size_t>(k)];
+      const std::uint64_t x = p.particles.gid(static_cast<std::int64_t>(i)), y = p.particles.gid(item.other);
+      const PairMemory& m = item.memory;
+      image.pairs.push_back({std::min(x, y), std::max(x, y), item.image, {m.displacement[0], m.displacement[1], m.displacement[2]}, m.energy});
+    }
+  std::sort(image.pairs.begin(), image.pairs.end(), [](const PairHistory& x, const PairHistory& y) {
+    return std::tuple(x.gid_low, x.gid_high, x.image) < std::tuple(y.gid_low, y.gid_high, y.image);
+  });
+  for (const WallCarry::Item& item : p.contacts->wall_carry().items) {
+    const PairMemory& m = item.memory.memory;
+    const Vec3 n = item.memory.normal;
+    image.walls.push_back({p.particles.gid(item.grain), static_cast<std::uint64_t>(item.surface), {n.x, n.y, n.z},
+                           {m.displacement[0], m.displacement[1], m.displacement[2]}, m.energy});
+  }
+  std::sort(image.walls.begin(), image.walls.end(), [](const WallHistory& x, const WallHistory& y) {
+    return std::tuple(x.gid, x.surface, x.normal[0], x.normal[1], x.normal[2]) < std::tuple(y.gid, y.surface, y.normal[0], y.normal[1], y.normal[2]);
+  });
+  image.accumulators = {{"born", {p.census.n_born}},           {"left", {p.census.n_left}},
+                        {"mass_born", {p.census.mass_born}},   {"mass_left", {p.census.mass_left}},
+                        {"energy_left", {p.energy_left}},      {"energy_initial", {p.energy_initial}}};
+  for (std::size_t k = 0; k < p.probe_memory.size(); ++k)
+    if (!p.probe_memory[k].empty()) image.accumulators["probe_" + p.scene.output.probes[k].name] = p.probe_memory[k];
+  image.hash = state_hash();
+  return image;
+}
+
+EnergyLedger Simulation::energy() const {
+  if (!parts_->scene.output.energy) throw std::logic_error("the scene keeps no energy ledger: set output.energy = true");
+  return parts_->energy();
+}
+
+std::vector<std::string> Simulation::probe_columns(std::size_t probe) const {
+  return moraine::probe_columns(parts_->scene, parts_->scene.output.probes.at(probe));
+}
+
+std::vector<double> Simulation::probe_row(std::size_t probe) {
+  Parts& p = *parts_;
+  const Probe& wanted = p.scene.output.probes.at(probe);
+  const Measurement& now = p.measured();
+  std::optional<EnergyLedger> ledger;
+  if (p.scene.output.energy && wanted.kind == Probe::Kind::energy) ledger = p.energy();
+  const ProbeView view{p.scene, p.walls, p.particles, now, ledger ? &*ledger : nullptr, p.census, p.time()};
+  return moraine::probe_row(view, wanted, p.probe_memory[probe]);
+}
+
+}  // namespace moraine

@@ -1,0 +1,77 @@
+#include "engine/run/state_hash.hpp"
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+#include <cstring>
+#include <vector>
+
+namespace moraine {
+
+namespace {
+
+__extension__ using Wide = unsigned __int128;
+
+class Sum {
+ public:
+  void add(const std::vector<std::uint64_t>& words) {
+    const XXH128_hash_t h = XXH3_128bits(words.data(), words.size() * sizeof(std::uint64_t));
+    total_ += static_cast<Wide>(h.high64) << 64 | h.low64;
+  }
+  Hash128 value() const { return {static_cast<std::uint64_t>(total_ >> 64), static_cast<std::uint64_t>(total_)}; }
+
+ private:
+  Wide total_ = 0;
+};
+
+std::uint64_t word(double value) {
+  std::uint64_t bits;
+  std::memcpy(&bits, &value, sizeof(bits));
+  return bits;
+}
+
+enum class Kind : std::uint64_t { run = 1, grain = 2, pair = 3, wall = 4 };
+
+}  // namespace
+
+Hash128 state_hash(const Particles& particles, const Contacts& contacts, std::uint64_t step) {
+  Sum sum;
+  std::vector<std::uint64_t> words;
+  const auto start = [&](Kind kind) { words.assign(1, static_cast<std::uint64_t>(kind)); };
+  start(Kind::run);
+  words.push_back(step);
+  sum.add(words);
+  for (std::int32_t i = 0; i < particles.size(); ++i) {
+    if (!particles.is_here(i)) continue;
+    start(Kind::grain);
+    for (const FieldInfo& row : field_table) {
+      if (!particles.has(row.field) || row.travel == Travel::never || row.field == Field::dissipated) continue;
+      if (row.type == FieldType::gid) words.push_back(particles.gid(i));
+      else if (row.type == FieldType::index) words.push_back(particles.material(i));
+      else
+        for (int c = 0; c < row.components; ++c) words.push_back(word(particles.real(row.field, i, c)));
+    }
+    sum.add(words);
+  }
+  const PairCarry pairs = contacts.pair_carry(particles);
+  for (std::size_t i = 0; i + 1 < pairs.begin.size(); ++i)
+    for (std::int64_t k = pairs.begin[i]; k < pairs.begin[i + 1]; ++k) {
+      const PairCarry::Item& item = pairs.items[static_cast<std::size_t>(k)];
+      const std::uint64_t x = particles.gid(static_cast<std::int64_t>(i)), y = particles.gid(item.other);
+      start(Kind::pair);
+      words.insert(words.end(), {std::min(x, y), std::max(x, y), item.image, word(item.memory.displacement[0]),
+                                 word(item.memory.displacement[1]), word(item.memory.displacement[2])});
+      sum.add(words);
+    }
+  for (const WallCarry::Item& item : contacts.wall_carry().items) {
+    const PairMemory& m = item.memory.memory;
+    const Vec3 n = item.memory.normal;
+    start(Kind::wall);
+    words.insert(words.end(), {particles.gid(item.grain), static_cast<std::uint64_t>(item.surface), word(n.x), word(n.y), word(n.z),
+                               word(m.displacement[0]), word(m.displacement[1]), word(m.displacement[2])});
+    sum.add(words);
+  }
+  return sum.value();
+}
+
+}  // namespace moraine

@@ -1,0 +1,17 @@
+// One number for the whole state, the same on every layout.
+#pragma once
+
+#include <cstdint>
+
+#include "engine/contacts/contacts.hpp"
+#include "engine/particles/particles.hpp"
+#include "engine/run/image.hpp"
+
+namespace moraine {
+
+/// Hash of the mechanical state: step, all grains (fields that travel, but for what was dissipated), and what contacts remember.
+/// Each grain and contact is hashed by itself, keyed by gid (XXH3, 128 bits), and the hashes are added, so that neither
+/// order nor share of the grains matters.
+Hash128 state_hash(const Particles& particles, const Contacts& contacts, std::uint64_t step);
+
+}  // namespace moraine

@@ -1,0 +1,183 @@
+// Walls, outlets and probes.
+#include <algorithm>
+#include <string_view>
+
+#include "engine/scene/checks.hpp"
+
+namespace moraine::checks {
+
+namespace {
+
+/// A direction that can be made a unit vector.
+void check_direction(const std::string& key, Vec3 direction, Findings& found) {
+  if (!found.finite(key, direction, "-")) return;
+  const double norm = length(direction);
+  if (!(norm > 0.0 && std::isfinite(norm))) found.error(key, "is {}; expected a direction, which has a length", text(direction));
+}
+
+void check_shape(const PlaneShape& plane, const std::string& key, const Domain&, Findings& found) {
+  found.finite(key + ".plane.point", plane.point, "m");
+  check_direction(key + ".plane.normal", plane.normal, found);
+}
+
+void check_shape(const BoxShape& box, const std::string& key, const Domain&, Findings& found) { found.box(key + ".box", box.box); }
+
+void check_shape(const CylinderShape& cylinder, const std::string& key, const Domain&, Findings& found) {
+  found.finite(key + ".cylinder.base", cylinder.base, "m");
+  check_direction(key + ".cylinder.axis", cylinder.axis, found);
+  found.positive(key + ".cylinder.radius", cylinder.radius, "m");
+  if (cylinder.length != infinity) found.positive(key + ".cylinder.length", cylinder.length, "m");
+}
+
+void check_shape(const ConeShape& cone, const std::string& key, const Domain&, Findings& found) {
+  found.finite(key + ".cone.base", cone.base, "m");
+  check_direction(key + ".cone.axis", cone.axis, found);
+  const bool has_base = found.not_negative(key + ".cone.radius_base", cone.radius_base, "m");
+  const bool has_top = found.not_negative(key + ".cone.radius_top", cone.radius_top, "m");
+  if (has_base && has_top && cone.radius_base == 0.0 && cone.radius_top == 0.0)
+    found.error(key + ".cone.radius_base", "and radius_top are both 0; at least one must be greater than 0 [m]");
+  found.positive(key + ".cone.length", cone.length, "m");
+}
+
+void check_shape(const DiscShape& disc, const std::string& key, const Domain&, Findings& found) {
+  found.finite(key + ".disc.centre", disc.centre, "m");
+  check_direction(key + ".disc.normal", disc.normal, found);
+  const bool has_radius = found.positive(key + ".disc.radius", disc.radius, "m");
+  if (found.not_negative(key + ".disc.hole_radius", disc.hole_radius, "m") && has_radius && disc.hole_radius >= disc.radius)
+    found.error(key + ".disc.hole_radius", "is {}; expected less than radius = {} [m]", disc.hole_radius, disc.radius);
+}
+
+bool meets(const Box& a, const Box& b) {
+  for (int axis = 0; axis < 3; ++axis)
+    if (a.low[axis] > b.high[axis] || a.high[axis] < b.low[axis]) return false;
+  return true;
+}
+
+void check_shape(const MeshShape& shape, const std::string& key, const Domain& domain, Findings& found) {
+  const TriangleMesh& mesh = shape.mesh;
+  if (mesh.triangles.empty()) {
+    found.error(key + ".mesh", "has no triangles{}", shape.file.empty() ? "" : " (" + shape.file + ")");
+    return;
+  }
+  const auto n = static_cast<std::int64_t>(mesh.vertices.size());
+  const auto is_bad = [n](const std::array<std::int32_t, 3>& t) {
+    return std::any_of(t.begin(), t.end(), [n](std::int32_t corner) { return corner < 0 || corner >= n; });
+  };
+  if (const auto bad = std::find_if(mesh.triangles.begin(), mesh.triangles.end(), is_bad); bad != mesh.triangles.end()) {
+    found.error(key + ".mesh", "triangle {} names a vertex that does not exist; the mesh has {} vertices",
+                bad - mesh.triangles.begin(), n);
+    return;
+  }
+  Box extent = Box::empty();
+  for (const Vec3 vertex : mesh.vertices) extent.include(vertex);
+  if (is_usable(domain) && !meets(extent, domain.box()))
+    found.warning(key + ".mesh", "reaches from {} m, nowhere inside the domain, {} m; mesh files often are in millimetres: "
+                  "scale = 0.001", text(extent), text(domain.box()));
+}
+
+constexpr std::string_view face_name(int face) {
+  constexpr std::array<std::string_view, 6> names = {"x-low", "x-high", "y-low", "y-high", "z-low", "z-high"};
+  return names[static_cast<std::size_t>(face)];
+}
+
+constexpr std::string_view kind_name(Probe::Kind kind) {
+  constexpr std::array<std::string_view, 7> names = {"energy", "wall_force", "wall_pressure", "region", "mass", "profile", "contacts"};
+  return names[static_cast<std::size_t>(kind)];
+}
+
+/// Index of the first thing of the same name before i, or i.
+template <class Things>
+std::size_t first_named_like(const Things& things, std::size_t i) {
+  for (std::size_t j = 0; j < i; ++j)
+    if (things[j].name == things[i].name) return j;
+  return i;
+}
+
+template <class Things>
+void check_name(const Things& things, std::size_t i, const std::string& section, Findings& found) {
+  const std::string key = fmt::format("{}[{}].name", section, i);
+  if (things[i].name.empty())
+    found.error(key, "is empty; give it a name");
+  else if (const std::size_t first = first_named_like(things, i); first != i)
+    found.error(key, "\"{}\" is the name of {}[{}] too; names must differ", things[i].name, section, first);
+}
+
+void check_probe_kind(const Scene& scene, const Probe& probe, const std::string& key, Findings& found) {
+  using Kind = Probe::Kind;
+  const bool needs_wall = probe.kind == Kind::wall_force || probe.kind == Kind::wall_pressure;
+  const bool has_bins = probe.kind == Kind::wall_pressure || probe.kind == Kind::profile;
+  if (needs_wall) {
+    std::vector<std::string> names;
+    for (const WallDefinition& wall : scene.walls) names.push_back(wall.name);
+    if (std::find(names.begin(), names.end(), probe.wall) == names.end()) {
+      if (probe.wall.empty())
+        found.error(key + ".wall", "missing: kind = \"{}\" needs the name of a wall; walls: {}", kind_name(probe.kind), listing(names));
+      else
+        found.error(key + ".wall", "\"{}\" is not a wall{}; walls: {}", probe.wall, nearest(probe.wall, names), listing(names));
+    }
+  }
+  if (has_bins && probe.bins < 1) found.error(key + ".bins", "is {}; expected 1 or more", probe.bins);
+  if (has_bins && (probe.axis < 0 || probe.axis > 2))
+    found.error(key + ".axis", "is {}; expected x, y or z (0, 1 or 2)", probe.axis);
+  if ((probe.kind == Kind::region || probe.kind == Kind::profile) && found.box(key + ".region", probe.region) &&
+      is_usable(scene.domain) && !meets(probe.region, scene.domain.box()))
+    found.error(key + ".region", "reaches from {} m, nowhere inside the domain, {} m", text(probe.region), text(scene.domain.box()));
+  if (probe.kind == Kind::energy && !scene.output.energy)
+    found.error(key + ".kind", "\"energy\" needs the ledger: set output.energy = true");
+}
+
+}  // namespace
+
+void check_walls(const Scene& scene, Findings& found) {
+  std::vector<std::string> materials;
+  for (const Material& material : scene.materials) materials.push_back(material.name);
+  for (std::size_t i = 0; i < scene.walls.size(); ++i) {
+    const WallDefinition& wall = scene.walls[i];
+    const std::string key = fmt::format("wall[{}]", i);
+    check_name(scene.walls, i, "wall", found);
+    const bool is_known = scene.material_index(wall.material) >= 0;
+    if (wall.material.empty() && !wall.symmetry)
+      found.error(key + ".material", "missing; expected the name of a material: {}", listing(materials));
+    else if (!wall.material.empty() && !is_known)
+      found.error(key + ".material", "\"{}\" is not a material{}", wall.material, nearest(wall.material, materials));
+    std::visit([&](const auto& shape) { check_shape(shape, key, scene.domain, found); }, wall.shape);
+    if (wall.symmetry && !std::holds_alternative<PlaneShape>(wall.shape))
+      found.error(key + ".symmetry", "is true; only a plane can be a symmetry plane");
+    const bool has_from = found.finite(key + ".from", wall.from, "s");
+    if (std::isnan(wall.until) || (has_from && wall.until <= wall.from))
+      found.error(key + ".until", "is {}; expected more than from = {} [s]", wall.until, wall.from);
+  }
+}
+
+void check_outlets(const Scene& scene, Findings& found) {
+  for (std::size_t i = 0; i < scene.outlets.size(); ++i) {
+    const Outlet& outlet = scene.outlets[i];
+    const std::string key = fmt::format("outlet[{}]", i);
+    check_name(scene.outlets, i, "outlet", found);
+    if (const auto* box = std::get_if<Box>(&outlet.where)) {
+      if (found.box(key + ".box", *box) && is_usable(scene.domain) && !meets(*box, scene.domain.box()))
+        found.error(key + ".box", "reaches from {} m, nowhere inside the domain, {} m", text(*box), text(scene.domain.box()));
+      continue;
+    }
+    const int face = std::get<int>(outlet.where);
+    if (face < 0 || face > 5)
+      found.error(key + ".face", "is {}; expected 0 to 5 (x-low, x-high, y-low, y-high, z-low, z-high)", face);
+    else if (scene.domain.periodic[static_cast<std::size_t>(face / 2)])
+      found.error(key + ".face", "is \"{}\", but the domain is periodic along {}: nothing ever leaves there", face_name(face),
+                  axis_names[face / 2]);
+  }
+}
+
+void check_probes(const Scene& scene, Findings& found) {
+  const std::vector<Probe>& probes = scene.output.probes;
+  for (std::size_t i = 0; i < probes.size(); ++i) {
+    const std::string key = fmt::format("probe[{}]", i);
+    check_name(probes, i, "probe", found);
+    if (probes[i].name.find_first_of("/\\\n\t") != std::string::npos)
+      found.error(key + ".name", "\"{}\" cannot be the name of a file; leave out slashes", probes[i].name);
+    found.positive(key + ".interval", probes[i].interval, "s");
+    check_probe_kind(scene, probes[i], key, found);
+  }
+}
+
+}  // namespace moraine::checks
