@@ -20,18 +20,18 @@ void parallel(int n_threads, Work work) {
     return;
   }
   std::exception_ptr failure;
-  int n_given = 0;
+  int n_given = n_threads;
 #pragma omp parallel num_threads(n_threads)
   {
-#pragma omp single
-    n_given = omp_get_num_threads();
-    if (n_given == n_threads) {
+    if (omp_get_num_threads() == n_threads) {
       try {
         work(omp_get_thread_num());
       } catch (...) {
 #pragma omp critical
         failure = std::current_exception();
       }
+    } else if (omp_get_thread_num() == 0) {
+      n_given = omp_get_num_threads();
     }
   }
   if (n_given != n_threads)

@@ -48,7 +48,9 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, bool is_uniform, doub
 }
 
 void Contacts::rebuild(Particles& particles, double skin, double time, int n_threads) {
-  build(particles, pairs_.carry(particles.size()), wall_contacts_.carry(), skin, time, n_threads);
+  const PairCarry pairs = pairs_.carry(particles.size());
+  pairs_.forget();
+  build(particles, pairs, wall_contacts_.carry(), skin, time, n_threads);
 }
 
 void Contacts::restore(Particles& particles, PairCarry pairs, WallCarry walls, double skin, double time, int n_threads) {
@@ -165,6 +167,34 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   touch_walls(wall_contacts_.deferred(thread));
   advance_grains(mine.deferred.data(), {0, static_cast<std::int64_t>(mine.deferred.size())});
   result.max_speed = std::sqrt(speed_squared);
+}
+
+Contacts::Velocities Contacts::velocities_now(Particles& particles, const Kick& half_kick, double dt, int n_threads) {
+  const auto copy_of = [](const double* values, std::size_t n) { return std::vector<double>(values, values ? values + n : values); };
+  const auto n = static_cast<std::size_t>(particles.size());
+  const std::vector<double> records = copy_of(particles.records(), n * static_cast<std::size_t>(particles.stride()));
+  const std::vector<double> dissipated = copy_of(particles.dissipated(), 4 * n);
+  const std::vector<double> force = copy_of(particles.force(), 3 * n), torque = copy_of(particles.torque(), 3 * n);
+  std::vector<std::vector<double>> histories;
+  for (const ThreadPairs& t : pairs_.threads()) histories.push_back(copy_of(t.history.data(), t.history.size()));
+  const auto walls = wall_contacts_.save();
+
+  StepResult ignored;
+  advance(particles, half_kick, dt, n_threads, ignored);
+  Velocities now;
+  for (std::int32_t i = 0; i < particles.size(); ++i) {
+    now.linear.push_back(particles.velocity(i));
+    if (choice_.has_rotation) now.angular.push_back(particles.angular_velocity(i));
+  }
+
+  const auto put_back = [](const std::vector<double>& values, double* to) { std::copy(values.begin(), values.end(), to); };
+  put_back(records, particles.records());
+  if (particles.dissipated()) put_back(dissipated, particles.dissipated());
+  if (particles.force()) put_back(force, particles.force());
+  if (particles.torque()) put_back(torque, particles.torque());
+  for (std::size_t t = 0; t < histories.size(); ++t) put_back(histories[t], pairs_.threads()[t].history.data());
+  wall_contacts_.put_back(walls);
+  return now;
 }
 
 ReferenceContact Contacts::pair_contact(const Particles& particles, std::int32_t a, std::int32_t b, std::uint8_t image,

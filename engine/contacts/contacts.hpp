@@ -56,12 +56,27 @@ class Contacts {
   /// Contact forces at the present positions, then kick and drift of all grains. `result.outside` and the rest are overwritten.
   void advance(Particles& particles, const Kick& kick, double dt, int n_threads, StepResult& result);
 
+  /// Velocities at the present positions: those of the grains, half a step late, after `half_kick` (whose drift is zero) with
+  /// the contact forces of now. Leaves grains and memory as they are.
+  struct Velocities {
+    std::vector<Vec3> linear;   // [m/s] of each grain
+    std::vector<Vec3> angular;  // [rad/s]; empty without rotation
+  };
+  Velocities velocities_now(Particles& particles, const Kick& half_kick, double dt, int n_threads);
+
   /// Grain i has crossed periodic faces (see PairList::shift_images).
   void shift_images(std::int32_t i, const std::array<int, 3>& steps) { pairs_.shift_images(i, steps); }
 
   /// Calls f(ContactReport) for every touching contact at the present positions, in no particular order.
   template <typename Function>
-  void for_each_contact(const Particles& particles, double dt, Function f) const;
+  void for_each_contact(const Particles& particles, double dt, Function f) const {
+    for_each_pair_contact(particles, dt, f);
+    for_each_wall_contact(particles, dt, f);
+  }
+  template <typename Function>
+  void for_each_pair_contact(const Particles& particles, double dt, Function f) const;
+  template <typename Function>
+  void for_each_wall_contact(const Particles& particles, double dt, Function f) const;
 
   PairCarry pair_carry(const Particles& particles) const { return pairs_.carry(particles.size()); }
   WallCarry wall_carry() const { return wall_contacts_.carry(); }
@@ -99,7 +114,7 @@ class Contacts {
 };
 
 template <typename Function>
-void Contacts::for_each_contact(const Particles& particles, double dt, Function f) const {
+void Contacts::for_each_pair_contact(const Particles& particles, double dt, Function f) const {
   pairs_.for_each(particles.dummy(), [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
     const ReferenceContact contact = pair_contact(particles, a, b, image, memory);
     if (!(contact.overlap > 0.0)) return;
@@ -118,6 +133,10 @@ void Contacts::for_each_contact(const Particles& particles, double dt, Function 
     report.result = reference_contact(choice_.normal, choice_.tangential, choice_.has_rotation, laws_.pairs.at(species), contact, dt);
     f(report);
   });
+}
+
+template <typename Function>
+void Contacts::for_each_wall_contact(const Particles& particles, double dt, Function f) const {
   wall_contacts_.for_each(particles, [&](const WallContact& touch) {
     const Surface& surface = walls_->surfaces()[static_cast<std::size_t>(touch.surface)];
     const double mirror = surface.kind == SurfaceKind::mirror ? 2.0 : 1.0;

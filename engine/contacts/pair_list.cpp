@@ -23,6 +23,19 @@ constexpr std::int64_t round_up(std::int64_t k) { return (k + pair_group - 1) / 
 
 std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
 
+/// Images in which a grain may meet itself: there are some where the domain is hardly wider than the largest grain.
+std::vector<std::uint8_t> near_own_images(const Particles& particles, std::span<const Vec3> image_shift, double skin) {
+  double largest = 0.0;
+  for (std::int32_t i = 0; i < particles.size(); ++i) largest = std::max(largest, particles.radius(i));
+  std::vector<std::uint8_t> codes;
+  for (std::uint8_t code = 1; code < image_shift.size(); ++code) {
+    const auto [x, y, z] = image::steps(code);
+    const bool is_neighbour = std::max({std::abs(x), std::abs(y), std::abs(z)}) == 1;
+    if (is_neighbour && image::is_positive(code) && length(image_shift[code]) < 2.0 * largest + skin) codes.push_back(code);
+  }
+  return codes;
+}
+
 }  // namespace
 
 const PairMemory* PairCarry::find(std::int32_t first, std::int32_t second, std::uint8_t image) const {
@@ -49,6 +62,7 @@ void PairList::build(const Particles& particles, const Cells& cells, std::span<c
   });
   for (std::size_t t = 0; t < at(n_active); ++t) kept_base_[t + 1] += kept_base_[t];
   kept_.resize_discarding(at(std::int64_t{kept_base_.back()} * needs.slot_size));
+  n_last_ = size();
   raw_.clear();
   parallel(n_active, [&](int thread) { index_entries(particles, needs, thread); });
 }
@@ -62,6 +76,7 @@ void PairList::search(const Particles& particles, const Cells& cells, std::span<
   coordinates.resize_discarding(4 * row);
   const Spheres spheres{coordinates.data(), coordinates.data() + row, coordinates.data() + 2 * row, coordinates.data() + 3 * row};
   const PairFilter filter = pair_filter();
+  const std::vector<std::uint8_t> own_images = near_own_images(particles, image_shift, skin);
   raw_.resize(at(n_threads));
   parallel(n_threads, [&](int thread) {
     const Range share = share_of(n, thread, n_threads);
@@ -76,6 +91,9 @@ void PairList::search(const Particles& particles, const Cells& cells, std::span<
     chunk.offsets.assign(at(share.size()) + 1, 0);
     chunk.j.clear();
     chunk.image.clear();
+    const auto expected = static_cast<std::size_t>(1.02 * static_cast<double>(n_last_) / n_threads);
+    chunk.j.reserve(expected);
+    if (!image_shift.empty()) chunk.image.reserve(expected);
     Cells::Run runs[Cells::max_runs];
     std::vector<std::int32_t> found;
     for (auto i = static_cast<std::int32_t>(share.begin); i < share.end; ++i) {
@@ -89,17 +107,11 @@ void PairList::search(const Particles& particles, const Cells& cells, std::span<
         chunk.j.insert(chunk.j.end(), found.begin(), found.begin() + n_found);
         if (!image_shift.empty()) chunk.image.insert(chunk.image.end(), at(n_found), runs[r].image);
       }
-      // A grain and its own images, where the domain is hardly wider than the grain.
-      if (!image_shift.empty()) {
-        for (std::uint8_t code = 1; code < image::n_codes; ++code) {
-          const auto steps = image::steps(code);
-          if (std::max({std::abs(steps[0]), std::abs(steps[1]), std::abs(steps[2])}) > 1 || !image::is_positive(code)) continue;
-          const Vec3 shift = image_shift[code];
-          const double limit = reach + particles.radius(i);
-          if (!(squared_length(shift) < limit * limit)) continue;
-          chunk.j.push_back(i);
-          chunk.image.push_back(code);
-        }
+      for (const std::uint8_t code : own_images) {
+        const double limit = reach + particles.radius(i);
+        if (!(squared_length(image_shift[code]) < limit * limit)) continue;
+        chunk.j.push_back(i);
+        chunk.image.push_back(code);
       }
       chunk.offsets[at(i - share.begin) + 1] = static_cast<std::uint32_t>(chunk.j.size());
     }
@@ -326,6 +338,14 @@ PairCarry PairList::carry(std::int32_t n_grains) const {
     if (is_touching(*memory)) carry.items[at(next[at(std::min(a, b))]++)] = {*memory, std::max(a, b), image};
   });
   return carry;
+}
+
+void PairList::forget() {
+  for (ThreadPairs& t : threads_) {
+    t.history.release();
+    t.entries.release();
+    t.offsets.release();
+  }
 }
 
 std::int64_t PairList::size() const {

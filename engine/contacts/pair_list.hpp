@@ -81,6 +81,8 @@ class PairList {
              const PairNeeds& needs, std::span<const std::int32_t> was_at, const PairCarry& carry, int n_threads);
   /// The memory of all touching pairs, by present places.
   PairCarry carry(std::int32_t n_grains) const;
+  /// Gives back what a rebuild makes anew, so that old and new are never held at once. Only build() may follow.
+  void forget();
 
   std::vector<ThreadPairs>& threads() { return threads_; }
   const std::vector<ThreadPairs>& threads() const { return threads_; }
@@ -131,6 +133,7 @@ class PairList {
     bool is_b;            // grain is b
   };
   std::vector<RawChunk> raw_;
+  std::int64_t n_last_ = 0;                    // pairs of the last list, to expect as many
   std::vector<std::vector<CrossPair>> cross_;  // by owning thread
   std::vector<std::uint32_t> kept_base_;       // first kept slot of each thread
   std::vector<std::uint8_t> is_deferred_;

@@ -184,6 +184,16 @@ WallCarry WallContacts::carry() const {
   return carry;
 }
 
+std::vector<std::vector<WallMemory>> WallContacts::save() const {
+  std::vector<std::vector<WallMemory>> saved;
+  for (const Share& share : shares_) saved.push_back(share.memory);
+  return saved;
+}
+
+void WallContacts::put_back(const std::vector<std::vector<WallMemory>>& saved) {
+  for (std::size_t t = 0; t < shares_.size(); ++t) shares_[t].memory = saved[t];
+}
+
 std::size_t WallContacts::memory() const {
   std::size_t bytes = 0;
   for (const Share& s : shares_)

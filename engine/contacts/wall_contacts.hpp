@@ -51,6 +51,9 @@ class WallContacts {
   void build(const Particles& particles, const PairList& pairs, double skin, double time, std::span<const std::int32_t> was_at,
              const WallCarry& carry, int n_threads);
   WallCarry carry() const;
+  /// All memory as it is, and back again, with no rebuild between.
+  std::vector<std::vector<WallMemory>> save() const;
+  void put_back(const std::vector<std::vector<WallMemory>>& saved);
 
   /// The candidates of one tile's plain grains, or of a thread's deferred grains.
   Range tile(int thread, std::size_t tile) const { return {shares_[index(thread)].tile_begin[tile], shares_[index(thread)].tile_begin[tile + 1]}; }

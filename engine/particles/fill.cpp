@@ -120,13 +120,6 @@ void check_largest(const Birth& birth, const Container& container, double radius
   }
 }
 
-std::string unchecked_note(const Container& container) {
-  if (container.unchecked_walls().empty()) return "";
-  std::string names;
-  for (const std::string& name : container.unchecked_walls()) names += (names.empty() ? "" : ", ") + name;
-  return "; not checked against mesh walls: " + names;
-}
-
 /// Consecutive groups that are to fill the same region at random, and so are packed together: mixtures would not get as dense
 /// if the grains of one group had to find room among those of another that can no longer move.
 struct Mixture {
@@ -161,8 +154,8 @@ void pack(Mixture& mixture, const Container& container, const std::vector<GrainS
 std::string describe_part(const Mixture& mixture, std::size_t part, const Container& container) {
   const std::size_t begin = part == 0 ? 0 : mixture.ends[part - 1];
   const std::span<const PackGrain> grains(mixture.grains.data() + begin, mixture.ends[part] - begin);
-  return fmt::format("{} grains at random, solid fraction {:.4f} of {}{}", grains.size(),
-                     total_volume(grains) / volume(container.region()), describe(container.region()), unchecked_note(container));
+  return fmt::format("{} grains at random, solid fraction {:.4f} of {}", grains.size(),
+                     total_volume(grains) / volume(container.region()), describe(container.region()));
 }
 
 const RandomFill& random_fill(const Birth& birth) { return std::get<RandomFill>(birth.group.fill); }
@@ -224,7 +217,6 @@ std::vector<PackGrain> fill_lattice(const Birth& birth, const LatticeFill& fill,
   note = fmt::format("{} grains on a {} lattice of spacing {:g} m in {}", grains.size(),
                      fill.kind == LatticeFill::Kind::cubic ? "cubic" : "hexagonal", spacing, describe(container.region()));
   if (n_taken > 0) note += fmt::format("; {} sites left out where other grains are", n_taken);
-  note += unchecked_note(container);
   return grains;
 }
 

@@ -170,7 +170,7 @@ void Container::add_wall(const WallDefinition& wall) {
                           surface.radius_top = s.hole_radius;
                           walls_.push_back(surface);
                         },
-                        [&](const MeshShape&) { unchecked_walls_.push_back(wall.name); }},
+                        [&](const MeshShape& s) { meshes_.emplace_back(s.mesh); }},
              wall.shape);
 }
 
@@ -196,6 +196,11 @@ void Container::visit_bounds(Vec3 centre, double radius, Visit&& visit) const {
   Touch touch;
   for (const Surface& wall : walls_)
     if (touch_analytic(wall, centre, radius, touch)) visit(touch.distance, touch.normal);
+  for (const MeshObstacle& mesh : meshes_)
+    if (const std::optional<Vec3> away = mesh.from_closest(centre, radius)) {
+      const double distance = length(*away);
+      visit(distance, direction_of(*away, distance, {0, 0, 1}));
+    }
 }
 
 bool Container::fits(Vec3 centre, double radius) const {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "engine/particles/pack_cells.hpp"
+#include "engine/particles/pack_mesh.hpp"
 #include "engine/scene/scene.hpp"
 #include "kernels/search/surface.hpp"
 
@@ -20,8 +21,8 @@ std::string describe(const Region& region);
 /// A region, cut by the domain and by the scene's walls, as constraints on a sphere.
 ///
 /// A region that spans the domain in a periodic direction (from face to face, or beyond) is endless there: only its other
-/// sides bound it. Walls count that stand at the start: planes (and boxes) as half-spaces, other analytic shapes as surfaces with two
-/// sides. Meshes are not looked at; their names are kept.
+/// sides bound it. Walls count that stand at the start: planes (and boxes) as half-spaces, other shapes and meshes as surfaces with two
+/// sides.
 class Container {
  public:
   Container(const Scene& scene, const Region& region);
@@ -29,7 +30,6 @@ class Container {
   const PackSpace& space() const { return space_; }
   const Region& region() const { return region_; }      // cut off at the faces of the domain where it is a box or cylinder
   const Box& extent() const { return extent_; }         // [m] bounding box of the places for centres
-  const std::vector<std::string>& unchecked_walls() const { return unchecked_walls_; }
   bool is_endless(int axis) const { return is_endless_[static_cast<std::size_t>(axis)]; }
 
   /// True where a sphere lies inside, clear of everything.
@@ -61,7 +61,7 @@ class Container {
   std::array<bool, 3> is_endless_ = {false, false, false};
   std::vector<AxisBound> faces_;
   std::vector<Surface> walls_;
-  std::vector<std::string> unchecked_walls_;
+  std::vector<MeshObstacle> meshes_;
 };
 
 }  // namespace moraine

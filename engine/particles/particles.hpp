@@ -50,10 +50,10 @@ class Particles {
   std::uint16_t material(std::int64_t i) const { return material_[static_cast<std::size_t>(i)]; }
   const std::uint64_t* gids() const { return gid_.data(); }
   const std::uint16_t* materials() const { return material_.data(); }
-  double* dissipated() { return dissipated_.data(); }
-  const double* dissipated() const { return dissipated_.data(); }
-  double* force() { return force_.size() ? force_.data() : nullptr; }
-  double* torque() { return torque_.size() ? torque_.data() : nullptr; }
+  double* dissipated() { return needs_.energy ? dissipated_.data() : nullptr; }
+  const double* dissipated() const { return needs_.energy ? dissipated_.data() : nullptr; }
+  double* force() { return needs_.force ? force_.data() : nullptr; }
+  double* torque() { return needs_.torque ? torque_.data() : nullptr; }
   /// False for a grain that has left the scene and waits to be removed.
   bool is_here(std::int64_t i) const { return record(i)[0] == record(i)[0]; }
 

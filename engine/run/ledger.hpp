@@ -5,8 +5,6 @@
 // the present positions, so that it closes to second order in the time step.
 #pragma once
 
-#include <vector>
-
 #include "engine/contacts/contacts.hpp"
 #include "engine/particles/particles.hpp"
 
@@ -30,15 +28,9 @@ struct EnergyLedger {
   double error() const { return total() + lost() - initial; }
 };
 
-/// All contacts at one moment, in an order that does not depend on the layout, and what they do to the grains.
-struct Measurement {
-  std::vector<ContactReport> contacts;   // by (gid, gid of the other or surface, place)
-  std::vector<Vec3> acceleration;        // [m/s2] of each grain, contacts and gravity
-  std::vector<Vec3> angular_acceleration;  // [rad/s2]
-};
-Measurement measure(const Particles& particles, const Contacts& contacts, Vec3 gravity, double dt);
-
-/// The energies at the present positions; `initial` and `left` stay zero. `damping` is the bulk viscosity [1/s].
-EnergyLedger take_ledger(const Particles& particles, const Measurement& now, Vec3 gravity, double damping, double dt);
+/// The energies at the present positions, given the velocities there; `initial` and `left` stay zero. `damping` is the bulk
+/// viscosity [1/s]. The same on every layout: all sums are exact.
+EnergyLedger take_ledger(const Particles& particles, const Contacts& contacts, const Contacts::Velocities& now, Vec3 gravity,
+                         double damping, double dt);
 
 }  // namespace moraine

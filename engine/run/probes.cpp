@@ -37,11 +37,11 @@ int bin_of(const Probe& probe, const Box& extent, Vec3 p) {
 std::vector<double> wall_force(const ProbeView& view, const Probe& probe) {
   const int wall = wall_index(view.scene, probe.wall);
   ExactSum3 force, torque;
-  for (const ContactReport& c : view.now.contacts) {
-    if (c.surface < 0 || view.walls.surfaces()[static_cast<std::size_t>(c.surface)].wall != wall) continue;
+  view.contacts.for_each_wall_contact(view.particles, view.dt, [&](const ContactReport& c) {
+    if (view.walls.surfaces()[static_cast<std::size_t>(c.surface)].wall != wall) return;
     force.add(-c.result.force);
     torque.add(cross(c.point, -c.result.force));
-  }
+  });
   const Vec3 f = force.value(), t = torque.value();
   return {f.x, f.y, f.z, t.x, t.y, t.z};
 }
@@ -50,14 +50,14 @@ std::vector<double> wall_pressure(const ProbeView& view, const Probe& probe) {
   const int wall = wall_index(view.scene, probe.wall);
   const Box extent = extent_of(view, probe);
   std::vector<ExactSum> sums(static_cast<std::size_t>(probe.bins));
-  for (const ContactReport& c : view.now.contacts) {
-    if (c.surface < 0 || view.walls.surfaces()[static_cast<std::size_t>(c.surface)].wall != wall) continue;
+  view.contacts.for_each_wall_contact(view.particles, view.dt, [&](const ContactReport& c) {
+    if (view.walls.surfaces()[static_cast<std::size_t>(c.surface)].wall != wall) return;
     const int bin = bin_of(probe, extent, c.point);
     if (bin >= 0 && bin < probe.bins) sums[static_cast<std::size_t>(bin)].add(dot(c.result.force, c.normal));
-  }
+  });
   const double area = view.walls.area(wall, view.scene.domain.box()) / probe.bins;
   std::vector<double> row;
-  for (const ExactSum& sum : sums) row.push_back(sum.value() / area);
+  for (const ExactSum& sum : sums) row.push_back(area > 0.0 ? sum.value() / area : 0.0);
   return row;
 }
 
@@ -76,10 +76,10 @@ std::vector<double> region(const ProbeView& view, const Probe& probe) {
     squares.add(squared_length(p.velocity(i)));
   }
   double n_ends = 0.0;
-  for (const ContactReport& c : view.now.contacts) {
+  view.contacts.for_each_contact(view.particles, view.dt, [&](const ContactReport& c) {
     if (is_in[static_cast<std::size_t>(c.grain)]) n_ends += 1.0;
     if (c.other >= 0 && is_in[static_cast<std::size_t>(c.other)]) n_ends += 1.0;
-  }
+  });
   const double share = n > 0.0 ? 1.0 / n : 0.0;
   const Vec3 mean = share * velocity.value();
   const double temperature = std::max(0.0, share * squares.value() - squared_length(mean)) / 3.0;
@@ -110,11 +110,12 @@ std::vector<double> profile(const ProbeView& view, const Probe& probe) {
 std::vector<double> contacts(const ProbeView& view) {
   ExactSum overlap;
   double deepest = 0.0;
-  for (const ContactReport& c : view.now.contacts) {
+  double n = 0.0;
+  view.contacts.for_each_contact(view.particles, view.dt, [&](const ContactReport& c) {
     overlap.add(c.overlap / c.smaller_radius);
     deepest = std::max(deepest, c.overlap / c.smaller_radius);
-  }
-  const auto n = static_cast<double>(view.now.contacts.size());
+    n += 1.0;
+  });
   return {n, n > 0.0 ? overlap.value() / n : 0.0, deepest};
 }
 

@@ -21,7 +21,8 @@ struct ProbeView {
   const Scene& scene;
   const Walls& walls;
   const Particles& particles;
-  const Measurement& now;
+  const Contacts& contacts;
+  double dt = 0.0;             // [s]
   const EnergyLedger* energy;  // nullptr where the scene keeps none
   Census census;
   double time = 0.0;           // [s]

@@ -103,6 +103,12 @@ void put_image(const Image& image, Particles& particles) {
   }
 }
 
+/// Lists of start positions have done their work once the grains are born; they weigh as much as the grains.
+void forget_lists(Scene& scene) {
+  for (ParticleGroup& group : scene.particles)
+    if (auto* listed = std::get_if<ListedGrains>(&group.fill)) listed->grains = {};
+}
+
 /// Places of gids in the image's order.
 class PlaceOf {
  public:
@@ -186,7 +192,6 @@ struct Simulation::Parts {
   double next_wall_change = 0.0; // [s]
   std::uint64_t n_rebuilds = 0, steps_since_rebuild = 0;
   StepResult result;
-  std::optional<Measurement> measurement;  // of the present positions
 
   Parts(const Scene& s, int threads)
       : scene(s), n_threads(threads), plan(make_plan(s, threads)), walls(s), particles(needs_of(s)), dt(plan.time_step.step),
@@ -201,6 +206,7 @@ struct Simulation::Parts {
   StepPlan decide();
   double largest_travel() const;
   void rebuild();
+  Kick kick_of(double h) const;
   void advance();
   void cross_faces();
   void guard();
@@ -210,7 +216,7 @@ struct Simulation::Parts {
   bool leaves_through_outlet(Vec3 position) const;
   void remove(std::int32_t i);
   void check_start();
-  const Measurement& measured();
+  void renew_list();
   EnergyLedger energy();
   FieldArray gather(const FieldInfo& row, const std::vector<std::int32_t>& order) const;
   std::vector<std::int32_t> order_by_gid() const;
@@ -272,6 +278,7 @@ void Simulation::Parts::rebuild() {
   stopwatch.start(Phase::rebuild);
   ++n_rebuilds;
   choose_skin();
+  place_at_rebuild = {};
   contacts->rebuild(particles, skin, time(), n_threads);
   after_rebuild();
 }
@@ -285,10 +292,9 @@ void Simulation::Parts::after_rebuild() {
   for (std::int32_t i = 0; i < particles.size(); ++i) place_at_rebuild[static_cast<std::size_t>(i)] = particles.position(i);
 }
 
-void Simulation::Parts::advance() {
-  stopwatch.start(Phase::advance);
+/// A kick over h [s].
+Kick Simulation::Parts::kick_of(double h) const {
   const double c = scene.time.damping;
-  const double h = step == 0 ? 0.5 * dt : dt;  // velocities start at the positions, and half a step behind them from then on
   Kick kick;
   kick.keep = (1.0 - 0.5 * c * h) / (1.0 + 0.5 * c * h);
   kick.gain = h / (1.0 + 0.5 * c * h);
@@ -297,7 +303,13 @@ void Simulation::Parts::advance() {
   kick.drag_loss = 0.25 * c * h;
   kick.gravity = scene.time.gravity;
   kick.is_flat = scene.domain.dimensions == 2;
-  contacts->advance(particles, kick, dt, n_threads, result);
+  return kick;
+}
+
+void Simulation::Parts::advance() {
+  stopwatch.start(Phase::advance);
+  // Velocities start at the positions, and are half a step behind them from then on.
+  contacts->advance(particles, kick_of(step == 0 ? 0.5 * dt : dt), dt, n_threads, result);
   if (step == 0 && particles.has(Field::dissipated)) {  // rates are counted for half a step at the start
     double* const lost = particles.dissipated();
     for (std::ptrdiff_t k = 0; k < 4 * static_cast<std::ptrdiff_t>(particles.size()); ++k)
@@ -381,41 +393,47 @@ void Simulation::Parts::guard() {
 void Simulation::Parts::tick() {
   ++step;
   ++steps_since_rebuild;
-  measurement.reset();
   stopwatch.start(Phase::observe);
 }
 
 void Simulation::Parts::check_start() {
   std::vector<Problem> problems;
   std::int64_t n_deep = 0;
-  for (const ContactReport& c : measured().contacts) {
-    if (!(c.overlap > max_start_overlap * c.smaller_radius)) continue;
-    if (++n_deep > 1) continue;
+  std::uint64_t first = ~std::uint64_t{0};
+  contacts->for_each_contact(particles, dt, [&](const ContactReport& c) {
+    if (!(c.overlap > max_start_overlap * c.smaller_radius)) return;
+    ++n_deep;
+    if (particles.gid(c.grain) >= first) return;
+    first = particles.gid(c.grain);
     const Vec3 p = particles.position(c.grain);
     const std::string other = c.other >= 0 ? "grain " + std::to_string(particles.gid(c.other))
                                            : "wall \"" + scene.walls[static_cast<std::size_t>(walls.surfaces()[static_cast<std::size_t>(c.surface)].wall)].name + "\"";
     char where[160];
     std::snprintf(where, sizeof(where), "at (%.6g, %.6g, %.6g) m overlaps %s by %.3g of the smaller radius", p.x, p.y, p.z, other.c_str(),
                   c.overlap / c.smaller_radius);
-    problems.push_back({"particles", "at the start grain " + std::to_string(particles.gid(c.grain)) + " " + where +
-                                         "; at most 0.2 is allowed: move the grains apart or away from the wall", false});
-  }
+    problems = {{"particles", "at the start grain " + std::to_string(particles.gid(c.grain)) + " " + where +
+                                         "; at most 0.2 is allowed: move the grains apart or away from the wall", false}};
+  });
   if (n_deep == 0) return;
   if (n_deep > 1) problems[0].message += " (" + std::to_string(n_deep) + " such contacts)";
   throw SceneError(std::move(problems));
 }
 
-const Measurement& Simulation::Parts::measured() {
-  if (!measurement) {
-    if (is_list_old || time() >= next_wall_change) rebuild();
-    if (const double allowed = 0.5 * skin * (1.0 - 1e-9); travelled > allowed) rebuild();
-    measurement = measure(particles, *contacts, scene.time.gravity, dt);
-  }
-  return *measurement;
+/// Makes the list good for the present positions, for those who look at contacts between steps.
+void Simulation::Parts::renew_list() {
+  if (decide().rebuild) rebuild();
 }
 
 EnergyLedger Simulation::Parts::energy() {
-  EnergyLedger ledger = take_ledger(particles, measured(), scene.time.gravity, scene.time.damping, step == 0 ? 0.0 : dt);
+  renew_list();
+  const double h = step == 0 ? 0.0 : 0.5 * dt;  // how late the velocities are
+  const double c = scene.time.damping;
+  Kick half_kick = kick_of(h);
+  half_kick.keep = 1.0 / (1.0 + c * h);
+  half_kick.gain = h / (1.0 + c * h);
+  half_kick.drift = 0.0;
+  const Contacts::Velocities now = contacts->velocities_now(particles, half_kick, dt, n_threads);
+  EnergyLedger ledger = take_ledger(particles, *contacts, now, scene.time.gravity, c, 2.0 * h);
   ledger.left = energy_left;
   if (!has_energy_initial) {
     energy_initial = ledger.total();
@@ -464,6 +482,7 @@ Simulation::Simulation(const Scene& scene, int n_threads) {
   p.census.n_born = p.particles.size();
   for (std::int32_t i = 0; i < p.particles.size(); ++i) p.census.mass_born += 1.0 / p.particles.inverse_mass(i);
   p.make_contacts();
+  forget_lists(p.scene);
   p.rebuild();
   p.check_start();
   if (scene.output.energy) p.energy();
@@ -495,6 +514,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image) {
     if (const auto found = image.accumulators.find("probe_" + scene.output.probes[k].name); found != image.accumulators.end())
       p.probe_memory[k] = found->second;
   p.make_contacts();
+  forget_lists(p.scene);
   p.contacts->restore(p.particles, carry_of(image.pairs, p.particles), carry_of(image.walls, p.particles), p.skin, p.time(), n_threads);
   p.after_rebuild();
   p.stopwatch.start(Phase::observe);
@@ -589,10 +609,10 @@ std::vector<std::string> Simulation::probe_columns(std::size_t probe) const {
 std::vector<double> Simulation::probe_row(std::size_t probe) {
   Parts& p = *parts_;
   const Probe& wanted = p.scene.output.probes.at(probe);
-  const Measurement& now = p.measured();
+  p.renew_list();
   std::optional<EnergyLedger> ledger;
   if (p.scene.output.energy && wanted.kind == Probe::Kind::energy) ledger = p.energy();
-  const ProbeView view{p.scene, p.walls, p.particles, now, ledger ? &*ledger : nullptr, p.census, p.time()};
+  const ProbeView view{p.scene, p.walls, p.particles, *p.contacts, p.dt, ledger ? &*ledger : nullptr, p.census, p.time()};
   return moraine::probe_row(view, wanted, p.probe_memory[probe]);
 }
 

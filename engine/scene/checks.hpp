@@ -63,8 +63,8 @@ inline constexpr char axis_names[] = "xyz";
 bool is_usable(const Domain& domain);
 std::string text(Vec3 v);
 std::string text(const Box& box);
-/// Names in quotes with commas between; at most eight.
-std::string listing(const std::vector<std::string>& names);
+/// Names in quotes with commas between; the first few of many.
+std::string listing(const std::vector<std::string>& names, std::size_t most = 8);
 /// The known name nearest to one that is not known, as " (did you mean ...?)"; empty where none is near.
 std::string nearest(const std::string& name, const std::vector<std::string>& known);
 

@@ -40,8 +40,7 @@ bool is_usable(const Domain& domain) {
 std::string text(Vec3 v) { return fmt::format("[{:.6g}, {:.6g}, {:.6g}]", v.x, v.y, v.z); }
 std::string text(const Box& box) { return text(box.low) + " to " + text(box.high); }
 
-std::string listing(const std::vector<std::string>& names) {
-  constexpr std::size_t most = 8;
+std::string listing(const std::vector<std::string>& names, std::size_t most) {
   std::string all;
   for (std::size_t i = 0; i < std::min(names.size(), most); ++i)
     all += fmt::format("{}\"{}\"", i ? ", " : "", names[i]);
@@ -152,7 +151,7 @@ void check_output(const Scene& scene, Findings& found) {
     const std::optional<Field> field = field_by_name(output.fields[i]);
     if (!field)
       found.error(key, "\"{}\" is not a field{}; fields: {}", output.fields[i], nearest(output.fields[i], known),
-                  fmt::join(known, ", "));
+                  listing(known, known.size()));
     else if ((info(*field).need == Need::rotation || *field == Field::torque) && !scene.contact.rotation)
       found.error(key, "\"{}\" does not exist in a scene with contact.rotation = false", output.fields[i]);
     else if (info(*field).need == Need::energy && !output.energy)
