@@ -48,7 +48,7 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, bool is_uniform, doub
 }
 
 void Contacts::rebuild(Particles& particles, double skin, double time, int n_threads) {
-  const PairCarry pairs = pairs_.carry(particles.size());
+  const PairCarry pairs = pairs_.carry(particles.size(), choice_.has_ledger);
   pairs_.forget();
   build(particles, pairs, wall_contacts_.carry(), skin, time, n_threads);
 }

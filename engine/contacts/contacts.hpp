@@ -78,7 +78,14 @@ class Contacts {
   template <typename Function>
   void for_each_wall_contact(const Particles& particles, double dt, Function f) const;
 
-  PairCarry pair_carry(const Particles& particles) const { return pairs_.carry(particles.size()); }
+  /// Calls f(a, b, image, memory) for every pair that remembers something, in no particular order.
+  template <typename Function>
+  void for_each_memory(const Particles& particles, Function f) const {
+    if (!needs_.has_history) return;
+    pairs_.for_each(particles.dummy(), [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
+      if (memory && memory->is_used()) f(a, b, image, *memory);
+    });
+  }
   WallCarry wall_carry() const { return wall_contacts_.carry(); }
   bool has_history() const { return needs_.has_history; }
   std::int64_t n_pairs() const { return pairs_.size(); }

@@ -38,12 +38,15 @@ std::vector<std::uint8_t> near_own_images(const Particles& particles, std::span<
 
 }  // namespace
 
-const PairMemory* PairCarry::find(std::int32_t first, std::int32_t second, std::uint8_t image) const {
-  if (items.empty()) return nullptr;
+PairMemory PairCarry::find(std::int32_t first, std::int32_t second, std::uint8_t image) const {
+  if (items.empty()) return {};
   for (const auto& [owner, other] : {std::pair{first, second}, std::pair{second, first}})
-    for (std::int64_t k = begin[at(owner)]; k < begin[at(owner) + 1]; ++k)
-      if (items[at(k)].other == other && items[at(k)].image == image) return &items[at(k)].memory;
-  return nullptr;
+    for (std::size_t k = begin[at(owner)]; k < begin[at(owner) + 1]; ++k) {
+      const Item& item = items[k];
+      if (item.other != other || item.image != image) continue;
+      return {{item.displacement[0], item.displacement[1], item.displacement[2]}, energy.empty() ? 0.0 : energy[k]};
+    }
+  return {};
 }
 
 void PairList::build(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin,
@@ -184,9 +187,8 @@ void PairList::lay_out(const Particles& particles, const PairNeeds& needs, std::
     if (needs.has_species)
       mine.species[p] = needs.species_table[particles.material(i) * needs.n_materials + particles.material(j)];
     if (needs.has_history) {
-      const PairMemory* memory = carry.find(was_at[at(i)], was_at[at(j)], stored);
-      const PairMemory none{};
-      std::memcpy(mine.history.data() + 4 * p, memory ? memory : &none, sizeof(PairMemory));
+      const PairMemory memory = carry.find(was_at[at(i)], was_at[at(j)], stored);
+      std::memcpy(mine.history.data() + 4 * p, &memory, sizeof(PairMemory));
     }
   };
   const auto fill_group = [&] {
@@ -320,23 +322,25 @@ void PairList::index_entries(const Particles& particles, const PairNeeds& needs,
   mine.ring.resize_discarding(capacity * static_cast<std::size_t>(needs.slot_size));
 }
 
-PairCarry PairList::carry(std::int32_t n_grains) const {
+PairCarry PairList::carry(std::int32_t n_grains, bool has_energy) const {
   PairCarry carry;
   if (threads_.empty() || threads_[0].history.size() == 0) return carry;
-  const auto is_touching = [](const PairMemory& m) {
-    return m.displacement[0] != 0.0 || m.displacement[1] != 0.0 || m.displacement[2] != 0.0 || m.energy != 0.0;
-  };
   carry.begin.assign(at(n_grains) + 1, 0);
-  const std::int32_t dummy = n_grains;
-  for_each(dummy, [&](std::int32_t a, std::int32_t b, std::uint8_t, const PairMemory* memory) {
-    if (is_touching(*memory)) ++carry.begin[at(std::min(a, b)) + 1];
+  for_each(n_grains, [&](std::int32_t a, std::int32_t b, std::uint8_t, const PairMemory* memory) {
+    if (memory->is_used()) ++carry.begin[at(std::min(a, b)) + 1];
   });
   for (std::size_t i = 0; i < at(n_grains); ++i) carry.begin[i + 1] += carry.begin[i];
-  carry.items.resize(at(carry.begin.back()));
-  std::vector<std::int64_t> next(carry.begin.begin(), carry.begin.end() - 1);
-  for_each(dummy, [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
-    if (is_touching(*memory)) carry.items[at(next[at(std::min(a, b))]++)] = {*memory, std::max(a, b), image};
+  carry.items.resize(carry.begin.back());
+  if (has_energy) carry.energy.resize(carry.begin.back());
+  // begin serves as the place of the next item, and is moved back afterwards
+  for_each(n_grains, [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
+    if (!memory->is_used()) return;
+    const std::uint32_t k = carry.begin[at(std::min(a, b))]++;
+    carry.items[k] = {{memory->displacement[0], memory->displacement[1], memory->displacement[2]}, std::max(a, b), image};
+    if (has_energy) carry.energy[k] = memory->energy;
   });
+  for (std::size_t i = at(n_grains); i > 0; --i) carry.begin[i] = carry.begin[i - 1];
+  carry.begin[0] = 0;
   return carry;
 }
 

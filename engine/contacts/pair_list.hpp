@@ -23,6 +23,8 @@ namespace moraine {
 struct PairMemory {
   double displacement[3];  // [m] of the grain of lower gid relative to the other
   double energy;           // [J]
+  /// False where there is nothing to remember.
+  bool is_used() const { return displacement[0] != 0.0 || displacement[1] != 0.0 || displacement[2] != 0.0 || energy != 0.0; }
 };
 
 struct Tile {
@@ -54,13 +56,16 @@ struct ThreadPairs {
 /// What pairs remember across a rebuild: for each grain, by its place before the rebuild, the touching pairs that it owned.
 struct PairCarry {
   struct Item {
-    PairMemory memory;
-    std::int32_t other = 0;    // place before the rebuild
-    std::uint8_t image = 0;    // as stored: from the lower gid
+    double displacement[3];   // as in PairMemory
+    std::int32_t other = 0;   // place before the rebuild
+    std::uint8_t image = 0;   // as stored: from the lower gid
   };
-  std::vector<std::int64_t> begin;  // of each grain, and the end
+  std::vector<std::uint32_t> begin;  // of each grain, and the end
   std::vector<Item> items;
-  const PairMemory* find(std::int32_t first, std::int32_t second, std::uint8_t image) const;
+  std::vector<double> energy;        // [J] of each item; only with the energy ledger
+
+  /// Memory of the pair of the grains that were at these places; zeros where they did not touch.
+  PairMemory find(std::int32_t first, std::int32_t second, std::uint8_t image) const;
 };
 
 /// What the list must provide for the scene's kernels.
@@ -80,7 +85,7 @@ class PairList {
   void build(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin,
              const PairNeeds& needs, std::span<const std::int32_t> was_at, const PairCarry& carry, int n_threads);
   /// The memory of all touching pairs, by present places.
-  PairCarry carry(std::int32_t n_grains) const;
+  PairCarry carry(std::int32_t n_grains, bool has_energy) const;
   /// Gives back what a rebuild makes anew, so that old and new are never held at once. Only build() may follow.
   void forget();
 

@@ -38,8 +38,8 @@ class AlignedArray {
       std::free(data_);
       data_ = nullptr;
       capacity_ = 0;
-      data_ = allocate(n + n / 16);
-      capacity_ = n + n / 16;
+      data_ = allocate(n + n / 32);
+      capacity_ = n + n / 32;
     }
     size_ = n;
   }

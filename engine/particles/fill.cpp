@@ -8,6 +8,7 @@
 #include <optional>
 #include <span>
 #include <stdexcept>
+#include <utility>
 
 #include "engine/particles/lattice.hpp"
 #include "engine/particles/pack.hpp"
@@ -63,7 +64,8 @@ std::vector<double> draw_radii(const Birth& birth, const RandomFill& fill, doubl
   std::vector<double> radii;
   if (fill.count) {
     if (*fill.count < 0) fail(birth, ".fill.count", "must not be negative");
-    for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(*fill.count); ++i) radii.push_back(draw_radius(birth, diameter, i));
+    for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(*fill.count); ++i)
+      radii.push_back(draw_radius(birth, diameter, i));
     return radii;
   }
   if (!(*fill.solid_fraction >= 0.0 && *fill.solid_fraction < 1.0))
@@ -115,29 +117,33 @@ void check_largest(const Birth& birth, const Container& container, double radius
   for (int k = 0; k < 3; ++k) {
     const double size = birth.scene.domain.high[k] - birth.scene.domain.low[k];
     if (container.space().periodic[static_cast<std::size_t>(k)] && 2.0 * radius > size)
-      fail(birth, ".diameter", fmt::format("a grain of {:g} m is wider than the periodic domain ({:g} m along {})", 2.0 * radius,
-                                           size, "xyz"[k]));
+      fail(birth, ".diameter",
+           fmt::format("a grain of {:g} m is wider than the periodic domain ({:g} m along {})", 2.0 * radius, size,
+                       "xyz"[k]));
   }
 }
 
-/// Consecutive groups that are to fill the same region at random, and so are packed together: mixtures would not get as dense
-/// if the grains of one group had to find room among those of another that can no longer move.
+/// Consecutive groups that are to fill the same region at random, and so are packed together: mixtures would not get as
+/// dense if the grains of one group had to find room among those of another that can no longer move.
 struct Mixture {
   std::span<const Birth> births;
-  std::vector<PackGrain> grains;      // of all groups, one after the other
-  std::vector<std::size_t> ends;      // where each group ends in `grains`
-  double largest = 0.0;               // [m] radius
+  std::vector<PackGrain> grains;  // of all groups, one after the other
+  std::vector<std::size_t> ends;  // where each group ends in `grains`
+  double largest = 0.0;           // [m] radius
 };
 
 [[noreturn]] void fail_too_dense(const Mixture& mixture, const Container& container, double scale) {
   const double asked = total_volume(mixture.grains) / volume(container.region());
   std::string others;
-  for (const Birth& birth : mixture.births.subspan(1)) others += (others.empty() ? ", together with those of " : ", ") + birth.key;
+  for (const Birth& birth : mixture.births.subspan(1))
+    others += (others.empty() ? ", together with those of " : ", ") + birth.key;
   fail(mixture.births[0], ".fill",
-       fmt::format("{} grains (solid fraction {:.4f}){} do not fit into {} without overlap: {:.4f} was reached. Ask for less, or "
-                   "make the region larger; a random packing of equal grains ends at about 0.63, walls and other grains close "
-                   "by lower it",
-                   mixture.grains.size(), asked, others, describe(container.region()), asked * scale * scale * scale));
+       fmt::format(
+           "{} grains (solid fraction {:.4f}){} do not fit into {} without overlap: {:.4f} was reached. Ask for less, "
+           "or "
+           "make the region larger; a random packing of equal grains ends at about 0.63, walls and other grains close "
+           "by lower it",
+           mixture.grains.size(), asked, others, describe(container.region()), asked * scale * scale * scale));
 }
 
 void pack(Mixture& mixture, const Container& container, const std::vector<GrainSeed>& born, int n_threads) {
@@ -189,7 +195,8 @@ std::vector<PackGrain> fill_lattice(const Birth& birth, const LatticeFill& fill,
   check_largest(birth, container, 0.5 * diameter.largest());
   const double spacing = fill.spacing > 0.0 ? fill.spacing : 1.001 * diameter.largest();
   if (spacing < diameter.largest())
-    fail(birth, ".fill.spacing", fmt::format("{:g} m is less than the largest diameter, {:g} m", spacing, diameter.largest()));
+    fail(birth, ".fill.spacing",
+         fmt::format("{:g} m is less than the largest diameter, {:g} m", spacing, diameter.largest()));
   const std::vector<Vec3> sites = lattice_sites(container, fill.kind, spacing, 0.5 * diameter.largest());
 
   const std::vector<PackGrain> fixed = grains_near(born, container, diameter.largest());
@@ -206,16 +213,21 @@ std::vector<PackGrain> fill_lattice(const Birth& birth, const LatticeFill& fill,
     if (grains.size() == wanted) break;
     const std::uint64_t i = grains.size();
     PackGrain grain{site, draw_radius(birth, diameter, i)};
-    const Vec3 moved = site + play * random_in_ball(birth.group.seed, birth.first_number + i, container.space().is_flat);
+    const Vec3 moved =
+        site + play * random_in_ball(birth.group.seed, birth.first_number + i, container.space().is_flat);
     if (play > 0.0 && container.fits(moved, grain.radius)) grain.position = container.space().wrapped(moved);
-    if (!fixed.empty() && occupied.overlaps(grain)) ++n_taken;
-    else grains.push_back(grain);
+    if (!fixed.empty() && occupied.overlaps(grain))
+      ++n_taken;
+    else
+      grains.push_back(grain);
   }
   if (fill.count && grains.size() < wanted)
-    fail(birth, ".fill.count", fmt::format("{} grains asked, but the lattice has only {} free sites in {}", wanted, grains.size(),
-                                           describe(container.region())));
-  note = fmt::format("{} grains on a {} lattice of spacing {:g} m in {}", grains.size(),
-                     fill.kind == LatticeFill::Kind::cubic ? "cubic" : "hexagonal", spacing, describe(container.region()));
+    fail(birth, ".fill.count",
+         fmt::format("{} grains asked, but the lattice has only {} free sites in {}", wanted, grains.size(),
+                     describe(container.region())));
+  note =
+      fmt::format("{} grains on a {} lattice of spacing {:g} m in {}", grains.size(),
+                  fill.kind == LatticeFill::Kind::cubic ? "cubic" : "hexagonal", spacing, describe(container.region()));
   if (n_taken > 0) note += fmt::format("; {} sites left out where other grains are", n_taken);
   return grains;
 }
@@ -232,8 +244,8 @@ void give_velocities(const Birth& birth, std::span<GrainSeed> grains) {
   for (std::size_t i = 0; i < grains.size(); ++i) {
     Vec3 deviation;
     for (int k = 0; k < dimensions; ++k)
-      deviation[k] = group.velocity_deviation * random_normal(group.seed, birth.first_number + i, RandomPurpose::velocity,
-                                                              static_cast<std::uint64_t>(k));
+      deviation[k] = group.velocity_deviation * random_normal(group.seed, birth.first_number + i,
+                                                              RandomPurpose::velocity, static_cast<std::uint64_t>(k));
     const double m = birth.scene.materials[grains[i].material].density * sphere_volume(grains[i].radius);
     grains[i].velocity += deviation;
     momentum.add(m * deviation);
@@ -265,17 +277,22 @@ std::vector<GrainSeed> list_grains(const Birth& birth, const ListedGrains& list,
     const Vec3 p = grain.position;
     if (!list.has_radius) grain.radius = draw_radius(birth, *diameter, i);
     if (!(grain.radius > 0.0) || !std::isfinite(grain.radius))
-      fail(birth, ".fill", fmt::format("grain {}{} has the radius {:g} m; it must be greater than zero", i + 1, where, grain.radius));
+      fail(birth, ".fill",
+           fmt::format("grain {}{} has the radius {:g} m; it must be greater than zero", i + 1, where, grain.radius));
     if (!bring_inside(birth.scene.domain, grain.position))
-      fail(birth, ".fill", fmt::format("grain {}{} at ({:g}, {:g}, {:g}) m lies outside the domain", i + 1, where, p.x, p.y, p.z));
-    if (!birth.group.material.empty()) grain.material = material_of(birth);
+      fail(birth, ".fill",
+           fmt::format("grain {}{} at ({:g}, {:g}, {:g}) m lies outside the domain", i + 1, where, p.x, p.y, p.z));
+    if (!birth.group.material.empty())
+      grain.material = material_of(birth);
     else if (grain.material >= birth.scene.materials.size())
-      fail(birth, ".fill", fmt::format("grain {}{} names material number {}, there are {}", i + 1, where, grain.material,
-                                       birth.scene.materials.size()));
+      fail(birth, ".fill",
+           fmt::format("grain {}{} names material number {}, there are {}", i + 1, where, grain.material,
+                       birth.scene.materials.size()));
     if (!list.has_velocity) grain.angular_velocity = birth.group.angular_velocity;
   }
   if (!list.has_velocity) give_velocities(birth, grains);
-  note = fmt::format("{} grains{}", grains.size(), list.source.empty() ? " listed in the scene" : " from " + list.source);
+  note =
+      fmt::format("{} grains{}", grains.size(), list.source.empty() ? " listed in the scene" : " from " + list.source);
   return grains;
 }
 
@@ -290,7 +307,8 @@ std::vector<GrainSeed> clothe(const Birth& birth, std::span<const PackGrain> bar
 }
 
 std::int64_t count_group(const Birth& birth) {
-  if (const auto* list = std::get_if<ListedGrains>(&birth.group.fill)) return static_cast<std::int64_t>(list->grains.size());
+  if (const auto* list = std::get_if<ListedGrains>(&birth.group.fill))
+    return static_cast<std::int64_t>(list->grains.size());
   if (const auto* lattice = std::get_if<LatticeFill>(&birth.group.fill)) {
     if (lattice->count) return *lattice->count;
     const double largest = sampler_of(birth).largest();
@@ -300,14 +318,16 @@ std::int64_t count_group(const Birth& birth) {
   }
   const auto& fill = std::get<RandomFill>(birth.group.fill);
   const Container container(birth.scene, fill.region);
-  return fill.count ? *fill.count : static_cast<std::int64_t>(draw_radii(birth, fill, volume(container.region())).size());
+  return fill.count ? *fill.count
+                    : static_cast<std::int64_t>(draw_radii(birth, fill, volume(container.region())).size());
 }
 
 std::string group_key(std::size_t index) { return fmt::format("particles[{}]", index); }
 
 bool is_same(const Region& a, const Region& b) {
   return a.index() == b.index() && bounds(a) == bounds(b) &&
-         (!std::holds_alternative<CylinderRegion>(a) || std::get<CylinderRegion>(a).axis == std::get<CylinderRegion>(b).axis);
+         (!std::holds_alternative<CylinderRegion>(a) ||
+          std::get<CylinderRegion>(a).axis == std::get<CylinderRegion>(b).axis);
 }
 
 /// Groups from `first` on that can be born together: one, or a mixture.
@@ -325,7 +345,8 @@ std::vector<Birth> next_births(const Scene& scene, std::size_t first, std::uint6
 std::vector<GrainSeed> bear(std::vector<Birth>& births, const std::vector<GrainSeed>& born, int n_threads,
                             std::vector<std::string>& notes) {
   const Birth& first = births[0];
-  if (const auto* list = std::get_if<ListedGrains>(&first.group.fill)) return list_grains(first, *list, notes.emplace_back());
+  if (const auto* list = std::get_if<ListedGrains>(&first.group.fill))
+    return list_grains(first, *list, notes.emplace_back());
   if (const auto* lattice = std::get_if<LatticeFill>(&first.group.fill))
     return clothe(first, fill_lattice(first, *lattice, born, notes.emplace_back()));
   const Mixture mixture = fill_randomly(births, born, n_threads, notes);
@@ -345,9 +366,13 @@ std::vector<GrainSeed> make_grains(const Scene& scene, int n_threads, FillReport
   for (std::size_t i = 0; i < scene.particles.size();) {
     std::vector<Birth> births = next_births(scene, i, grains.size());
     std::vector<std::string> notes;
-    const std::vector<GrainSeed> newborn = bear(births, grains, n_threads, notes);
-    grains.insert(grains.end(), newborn.begin(), newborn.end());
-    for (std::size_t k = 0; report && k < births.size(); ++k) report->text += fmt::format("{}: {}\n", births[k].key, notes[k]);
+    std::vector<GrainSeed> newborn = bear(births, grains, n_threads, notes);
+    if (grains.empty())
+      grains = std::move(newborn);  // the usual scene has one group, and may have millions of grains
+    else
+      grains.insert(grains.end(), newborn.begin(), newborn.end());
+    for (std::size_t k = 0; report && k < births.size(); ++k)
+      report->text += fmt::format("{}: {}\n", births[k].key, notes[k]);
     i += births.size();
   }
   return grains;

@@ -15,8 +15,8 @@ struct Ladder {
   int n = 0;
 };
 
-/// Places `step` apart between low and high, `margin` away from either end; around an endless axis, stretched to close after a
-/// multiple of `period` places.
+/// Places `step` apart between low and high, `margin` away from either end; around an endless axis, stretched to close
+/// after a multiple of `period` places.
 Ladder ladder(double low, double high, bool is_endless, double step, double margin, int period) {
   const double rounding = 1e-9;
   if (is_endless) {
@@ -30,8 +30,8 @@ Ladder ladder(double low, double high, bool is_endless, double step, double marg
 
 struct Lattice {
   Ladder x, y, z;
-  double row_shift = 0.0;                 // along x, of every other row
-  Vec3 layer_shift;                       // of every other layer
+  double row_shift = 0.0;  // along x, of every other row
+  Vec3 layer_shift;        // of every other layer
 };
 
 Lattice make_lattice(const Container& container, LatticeFill::Kind kind, double a, double radius) {
@@ -46,7 +46,8 @@ Lattice make_lattice(const Container& container, LatticeFill::Kind kind, double 
   lattice.z = container.space().is_flat ? Ladder{container.space().plane, 1.0, 1}
                                         : ladder(box.low.z, box.high.z, container.is_endless(2), layer, radius, period);
   if (is_hexagonal) {
-    // Every sphere of a layer above the middle of a triangle: half a spacing along x, a third of a row's distance along y.
+    // Every sphere of a layer above the middle of a triangle: half a spacing along x, a third of a row's distance along
+    // y.
     lattice.row_shift = 0.5 * lattice.x.step;
     lattice.layer_shift = {0.5 * lattice.x.step, lattice.y.step / 3.0, 0.0};
   }

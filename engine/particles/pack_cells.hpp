@@ -20,10 +20,10 @@ struct PackGrain {
 
 /// The box in which grains are packed; periodic in some directions.
 struct PackSpace {
-  Box box;                                            // [m]; in periodic directions the domain
+  Box box;  // [m]; in periodic directions the domain
   std::array<bool, 3> periodic = {false, false, false};
-  bool is_flat = false;                               // two-dimensional: all centres at the same z
-  double plane = 0.0;                                 // [m] that z
+  bool is_flat = false;  // two-dimensional: all centres at the same z
+  double plane = 0.0;    // [m] that z
 
   /// a - b, to the nearest image of b.
   Vec3 difference(Vec3 a, Vec3 b) const {
@@ -31,8 +31,10 @@ struct PackSpace {
     for (int k = 0; k < 3; ++k)
       if (periodic[static_cast<std::size_t>(k)]) {
         const double size = box.high[k] - box.low[k];
-        if (d[k] > 0.5 * size) d[k] -= size;
-        else if (d[k] < -0.5 * size) d[k] += size;
+        if (d[k] > 0.5 * size)
+          d[k] -= size;
+        else if (d[k] < -0.5 * size)
+          d[k] += size;
       }
     return d;
   }
@@ -41,11 +43,12 @@ struct PackSpace {
   Vec3 wrapped(Vec3 p) const;
 };
 
-/// Cells over a packing space, one grid for each class of sizes (a factor of two each), so that large grains do not make the
-/// cells of small ones large. Cells are numbered through all grids.
+/// Cells over a packing space, one grid for each class of sizes (a factor of two each), so that large grains do not
+/// make the cells of small ones large. Cells are numbered through all grids.
 class CellLevels {
  public:
-  /// Grids for spheres of these radii [m] at about these centres; centres outside the extent count to the outermost cells.
+  /// Grids for spheres of these radii [m] at about these centres; centres outside the extent count to the outermost
+  /// cells.
   CellLevels(const PackSpace& space, const Box& extent, std::span<const double> radii);
 
   int n_levels() const { return static_cast<int>(levels_.size()); }
@@ -55,8 +58,8 @@ class CellLevels {
   bool is_empty(int level) const { return levels_[static_cast<std::size_t>(level)].largest_radius == 0.0; }
   double largest_radius(int level) const { return levels_[static_cast<std::size_t>(level)].largest_radius; }
   std::int64_t cell_of(int level, Vec3 p) const;
-  /// Calls visit(cell) for every cell of the level that holds points closer than `reach` to p along each axis, each once.
-  /// Ends early, and returns true, as soon as a visit returns true.
+  /// Calls visit(cell) for every cell of the level that holds points closer than `reach` to p along each axis, each
+  /// once. Ends early, and returns true, as soon as a visit returns true.
   template <class Visit>
   bool visit_cells(int level, Vec3 p, double reach, Visit&& visit) const;
 
@@ -65,10 +68,10 @@ class CellLevels {
     double largest_radius = 0.0;  // 0: nothing of that size
     std::int64_t first_cell = 0;
     std::array<int, 3> n = {1, 1, 1};
-    Vec3 inverse_edge;            // [1/m]
+    Vec3 inverse_edge;  // [1/m]
   };
   struct Span {
-    int begin = 0;   // may be negative or beyond n in a periodic direction
+    int begin = 0;  // may be negative or beyond n in a periodic direction
     int end = 0;
   };
   void size_level(Level& level, std::int64_t n_grains) const;

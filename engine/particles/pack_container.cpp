@@ -44,7 +44,9 @@ Box bounds(const Region& region) {
                                  }
                                  return box;
                                },
-                               [](const SphereRegion& r) { return Box{r.centre, r.centre}.grown(r.radius); }},
+                               [](const SphereRegion& r) {
+                                 return Box{r.centre, r.centre}.grown(r.radius);
+                               }},
                     region);
 }
 

@@ -20,16 +20,16 @@ std::string describe(const Region& region);
 
 /// A region, cut by the domain and by the scene's walls, as constraints on a sphere.
 ///
-/// A region that spans the domain in a periodic direction (from face to face, or beyond) is endless there: only its other
-/// sides bound it. Walls count that stand at the start: planes (and boxes) as half-spaces, other shapes and meshes as surfaces with two
-/// sides.
+/// A region that spans the domain in a periodic direction (from face to face, or beyond) is endless there: only its
+/// other sides bound it. Walls count that stand at the start: planes (and boxes) as half-spaces, other shapes and
+/// meshes as surfaces with two sides.
 class Container {
  public:
   Container(const Scene& scene, const Region& region);
 
   const PackSpace& space() const { return space_; }
-  const Region& region() const { return region_; }      // cut off at the faces of the domain where it is a box or cylinder
-  const Box& extent() const { return extent_; }         // [m] bounding box of the places for centres
+  const Region& region() const { return region_; }  // cut off at the faces of the domain where it is a box or cylinder
+  const Box& extent() const { return extent_; }     // [m] bounding box of the places for centres
   bool is_endless(int axis) const { return is_endless_[static_cast<std::size_t>(axis)]; }
 
   /// True where a sphere lies inside, clear of everything.
@@ -52,8 +52,8 @@ class Container {
 
   struct AxisBound {
     int axis = 0;
-    double place = 0.0;   // [m]
-    double sign = 1.0;    // +1: grains lie above
+    double place = 0.0;  // [m]
+    double sign = 1.0;   // +1: grains lie above
   };
   PackSpace space_;
   Region region_;

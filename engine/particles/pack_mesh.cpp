@@ -47,15 +47,18 @@ MeshObstacle::CellRange MeshObstacle::cells_around(const Box& box) const {
   for (int k = 0; k < 3; ++k) {
     const auto axis = static_cast<std::size_t>(k);
     const double last = n_[axis] - 1;
-    range.first[axis] = static_cast<int>(std::clamp(std::floor((box.low[k] - box_.low[k]) / edge_[k] - 1e-6), 0.0, last));
-    range.last[axis] = static_cast<int>(std::clamp(std::floor((box.high[k] - box_.low[k]) / edge_[k] + 1e-6), 0.0, last));
+    range.first[axis] =
+        static_cast<int>(std::clamp(std::floor((box.low[k] - box_.low[k]) / edge_[k] - 1e-6), 0.0, last));
+    range.last[axis] =
+        static_cast<int>(std::clamp(std::floor((box.high[k] - box_.low[k]) / edge_[k] + 1e-6), 0.0, last));
   }
   return range;
 }
 
 std::size_t MeshObstacle::cell_number(int i, int j, int k) const {
   return (static_cast<std::size_t>(k) * static_cast<std::size_t>(n_[1]) + static_cast<std::size_t>(j)) *
-             static_cast<std::size_t>(n_[0]) + static_cast<std::size_t>(i);
+             static_cast<std::size_t>(n_[0]) +
+         static_cast<std::size_t>(i);
 }
 
 bool MeshObstacle::comes_near(const Triangle& triangle, int i, int j, int k) const {

@@ -1,4 +1,5 @@
-// A triangle mesh as an obstacle for spheres that are being placed: the point of it closest to a centre, found through a grid.
+// A triangle mesh as an obstacle for spheres that are being placed: the point of it closest to a centre, found through
+// a grid.
 #pragma once
 
 #include <array>
@@ -33,7 +34,7 @@ class MeshObstacle {
   std::vector<Triangle> triangles_;
   Box box_;
   std::array<int, 3> n_ = {1, 1, 1};
-  Vec3 edge_{1, 1, 1};                          // [m] of a cell
+  Vec3 edge_{1, 1, 1};  // [m] of a cell
   std::vector<std::vector<std::int32_t>> cells_;
 };
 

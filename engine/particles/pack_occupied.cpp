@@ -18,7 +18,8 @@ void OccupiedSpace::insert(const PackGrain& grain) {
 template <class Visit>
 bool OccupiedSpace::visit_near(const PackGrain& grain, Visit&& visit) const {
   const auto visit_cell = [&](std::int64_t cell) {
-    for (std::int32_t i = first_in_cell_[static_cast<std::size_t>(cell)]; i >= 0; i = next_[static_cast<std::size_t>(i)])
+    for (std::int32_t i = first_in_cell_[static_cast<std::size_t>(cell)]; i >= 0;
+         i = next_[static_cast<std::size_t>(i)])
       if (visit(grains_[static_cast<std::size_t>(i)])) return true;
     return false;
   };

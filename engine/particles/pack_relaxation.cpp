@@ -1,15 +1,15 @@
 // Overlap removal by energy minimisation, see pack.hpp.
 //
-// Every pair that is closer than its contact distance repels with a force proportional to the overlap. Inertia m = r^2 and
-// stiffness 2 m_i m_j / (m_i + m_j) give every contact about the same frequency whatever the sizes, so that one step suits
-// all: a boulder among sand is pushed gently by each grain, and the grains make way.
+// Every pair that is closer than its contact distance repels with a force proportional to the overlap. Inertia m = r^2
+// and stiffness 2 m_i m_j / (m_i + m_j) give every contact about the same frequency whatever the sizes, so that one
+// step suits all: a boulder among sand is pushed gently by each grain, and the grains make way.
 //
 // The radii are inflated a little while the grains move, so that the last overlaps of the true radii vanish in a finite
 // number of steps instead of dying away exponentially.
 //
-// Threads: the grains, sorted along cells, are divided into blocks whose number depends on that of the grains only. A block adds
-// up the pushes that its pairs give to its own grains and puts aside those to grains of other blocks, which are added
-// afterwards in order; sums are over blocks in order. So the result is the same for any number of threads.
+// Threads: the grains, sorted along cells, are divided into blocks whose number depends on that of the grains only. A
+// block adds up the pushes that its pairs give to its own grains and puts aside those to grains of other blocks, which
+// are added afterwards in order; sums are over blocks in order. So the result is the same for any number of threads.
 #include <algorithm>
 #include <cmath>
 #include <numeric>
@@ -22,8 +22,8 @@
 namespace moraine {
 namespace {
 
-constexpr double fixed_mass = 1e150;           // of grains that are already there: they take no part of a push
-constexpr double list_margin = 0.2;            // pairs are listed up to so much beyond contact, relative to the sum of the radii
+constexpr double fixed_mass = 1e150;  // of grains that are already there: they take no part of a push
+constexpr double list_margin = 0.2;   // pairs are listed up to so much beyond contact, relative to the sum of the radii
 constexpr std::int64_t grains_a_block = 20000;
 constexpr std::int64_t most_blocks = 32;
 
@@ -45,12 +45,12 @@ struct Block {
     Vec3 acceleration;
   };
   Range grains;
-  std::vector<std::int64_t> row_begin;   // pairs of the block's grain k: neighbours[row_begin[k] .. row_begin[k + 1])
+  std::vector<std::int64_t> row_begin;  // pairs of the block's grain k: neighbours[row_begin[k] .. row_begin[k + 1])
   std::vector<std::int32_t> neighbours;
-  std::vector<Spill> spills;             // pushes for grains of other blocks
+  std::vector<Spill> spills;  // pushes for grains of other blocks
   Overlaps overlaps;
   Sums sums;
-  bool has_strayed = false;              // some grain is far from where it was when the pairs were listed
+  bool has_strayed = false;  // some grain is far from where it was when the pairs were listed
 };
 
 class Relaxer {
@@ -59,7 +59,8 @@ class Relaxer {
 
   /// Starts from random points.
   void scatter();
-  /// Moves the grains until radii times `scale` do not overlap; false where that comes to rest jammed, or takes too long.
+  /// Moves the grains until radii times `scale` do not overlap; false where that comes to rest jammed, or takes too
+  /// long.
   bool relax(double scale, double inflation, std::int64_t max_steps);
   /// Moves grains that are stuck deep in others to the emptiest of a few random places; says how many there were.
   std::int64_t relocate(std::uint64_t round);
@@ -90,11 +91,11 @@ class Relaxer {
   std::vector<double> mass_;
   std::vector<Vec3> velocity_;
   std::vector<Vec3> acceleration_;
-  std::vector<std::uint32_t> number_;        // place in the order given; fixed grains come after the moving ones
-  std::vector<Vec3> listed_position_;        // when the pairs were listed; empty: they are not
+  std::vector<std::uint32_t> number_;  // place in the order given; fixed grains come after the moving ones
+  std::vector<Vec3> listed_position_;  // when the pairs were listed; empty: they are not
   std::vector<std::int64_t> cell_begin_;
   std::vector<Block> blocks_;
-  double listed_scale_ = 0.0;                // times the radii were the contact distances of the list
+  double listed_scale_ = 0.0;  // times the radii were the contact distances of the list
   Overlaps overlaps_;
   std::int64_t n_steps_ = 0;
   // FIRE
@@ -108,8 +109,7 @@ Relaxer::Relaxer(const PackProblem& problem, std::span<const PackGrain> grains)
   for (const PackGrain& grain : problem.fixed) grains_.push_back(grain);
   const std::size_t n = grains_.size();
   mass_.resize(n);
-  for (std::size_t i = 0; i < n; ++i)
-    mass_[i] = i < grains.size() ? grains_[i].radius * grains_[i].radius : fixed_mass;
+  for (std::size_t i = 0; i < n; ++i) mass_[i] = i < grains.size() ? grains_[i].radius * grains_[i].radius : fixed_mass;
   velocity_.resize(n);
   acceleration_.resize(n);
   number_.resize(n);
@@ -131,12 +131,13 @@ void Relaxer::each_block(Work work) {
 }
 
 void Relaxer::scatter() {
-  // An additive recurrence on the generalised golden ratio (M. Roberts 2018, "The unreasonable effectiveness of quasirandom
-  // sequences") spreads the points evenly over the container, so that no far transport is needed afterwards; a random
-  // displacement of about the mean distance takes its regularity away.
+  // An additive recurrence on the generalised golden ratio (M. Roberts 2018, "The unreasonable effectiveness of
+  // quasirandom sequences") spreads the points evenly over the container, so that no far transport is needed
+  // afterwards; a random displacement of about the mean distance takes its regularity away.
   constexpr double g = 1.22074408460575947536;
-  const Vec3 stride = space_.is_flat ? Vec3{1.0 / 1.32471795724474602596, 1.0 / (1.32471795724474602596 * 1.32471795724474602596), 0}
-                                     : Vec3{1.0 / g, 1.0 / (g * g), 1.0 / (g * g * g)};
+  const Vec3 stride =
+      space_.is_flat ? Vec3{1.0 / 1.32471795724474602596, 1.0 / (1.32471795724474602596 * 1.32471795724474602596), 0}
+                     : Vec3{1.0 / g, 1.0 / (g * g), 1.0 / (g * g * g)};
   const Container& container = problem_.container;
   const Box extent = container.extent();
   const double n = static_cast<double>(std::max<std::int64_t>(n_moving_, 1));
@@ -144,7 +145,8 @@ void Relaxer::scatter() {
   const double spacing = space_.is_flat ? std::sqrt(size.x * size.y / n) : std::cbrt(size.x * size.y * size.z / n);
   Vec3 offset;
   for (int k = 0; k < 3; ++k)
-    offset[k] = random_uniform(problem_.seed, problem_.first_number, RandomPurpose::choice, 1 + static_cast<std::uint64_t>(k));
+    offset[k] =
+        random_uniform(problem_.seed, problem_.first_number, RandomPurpose::choice, 1 + static_cast<std::uint64_t>(k));
 
   // Not into gaps between the fixed grains that are too narrow: nobody gets out of there again.
   std::vector<double> fixed_radii;
@@ -160,7 +162,8 @@ void Relaxer::scatter() {
       for (int k = 0; k < 3; ++k) {
         const double place = offset[k] + static_cast<double>(point) * stride[k];
         const double shift = random_uniform(problem_.seed, problem_.first_number + i, RandomPurpose::position,
-                                            3 * static_cast<std::uint64_t>(attempt) + static_cast<std::uint64_t>(k)) - 0.5;
+                                            3 * static_cast<std::uint64_t>(attempt) + static_cast<std::uint64_t>(k)) -
+                             0.5;
         double q = extent.low[k] + (place - std::floor(place)) * size[k] + 1.2 * shift * spacing;
         // Moved out: come in again on the other side.
         if (size[k] > 0.0) q -= size[k] * std::floor((q - extent.low[k]) / size[k]);
@@ -173,7 +176,8 @@ void Relaxer::scatter() {
 }
 
 std::int64_t Relaxer::relocate(std::uint64_t round) {
-  constexpr double stuck = 0.05;  // overlap relative to the radius; a jammed packing has far less, a cage too narrow more
+  constexpr double stuck =
+      0.05;  // overlap relative to the radius; a jammed packing has far less, a cage too narrow more
   constexpr std::uint64_t n_candidates = 200;
   std::vector<double> radii(grains_.size());
   std::transform(grains_.begin(), grains_.end(), radii.begin(), [](const PackGrain& g) { return g.radius; });
@@ -189,9 +193,10 @@ std::int64_t Relaxer::relocate(std::uint64_t round) {
       for (std::uint64_t k = 0; k < n_candidates && depth > 0.0; ++k) {
         for (int axis = 0; axis < 3; ++axis)
           candidate.position[axis] =
-              extent.low[axis] + (extent.high[axis] - extent.low[axis]) *
-                                     random_uniform(problem_.seed, problem_.first_number + number_[i], RandomPurpose::choice,
-                                                    1000 + (round * n_candidates + k) * 3 + static_cast<std::uint64_t>(axis));
+              extent.low[axis] +
+              (extent.high[axis] - extent.low[axis]) *
+                  random_uniform(problem_.seed, problem_.first_number + number_[i], RandomPurpose::choice,
+                                 1000 + (round * n_candidates + k) * 3 + static_cast<std::uint64_t>(axis));
         double outside = 0.0;
         problem_.container.push(candidate.position, candidate.radius, outside);
         const double there = std::max(outside, occupied.deepest_overlap(candidate));
@@ -251,18 +256,20 @@ void Relaxer::list_row(const CellLevels& cells, Block& block, std::int64_t i) {
   const int own_level = cells.level_of(self.radius);
   for (int level = 0; level <= own_level; ++level) {
     if (cells.is_empty(level)) continue;
-    cells.visit_cells(level, self.position, widen * (self.radius + cells.largest_radius(level)), [&](std::int64_t cell) {
-      const auto c = static_cast<std::size_t>(cell);
-      // Grains lie along the cells: on its own level each pair is met from its first grain.
-      for (std::int64_t j = level == own_level ? std::max(cell_begin_[c], i + 1) : cell_begin_[c]; j < cell_begin_[c + 1]; ++j) {
-        const auto other = static_cast<std::size_t>(j);
-        const double reach = widen * (self.radius + grains_[other].radius);
-        if (squared_length(space_.difference(self.position, grains_[other].position)) >= reach * reach) continue;
-        if (is_fixed && mass_[other] == fixed_mass) continue;
-        block.neighbours.push_back(static_cast<std::int32_t>(j));
-      }
-      return false;
-    });
+    cells.visit_cells(
+        level, self.position, widen * (self.radius + cells.largest_radius(level)), [&](std::int64_t cell) {
+          const auto c = static_cast<std::size_t>(cell);
+          // Grains lie along the cells: on its own level each pair is met from its first grain.
+          for (std::int64_t j = level == own_level ? std::max(cell_begin_[c], i + 1) : cell_begin_[c];
+               j < cell_begin_[c + 1]; ++j) {
+            const auto other = static_cast<std::size_t>(j);
+            const double reach = widen * (self.radius + grains_[other].radius);
+            if (squared_length(space_.difference(self.position, grains_[other].position)) >= reach * reach) continue;
+            if (is_fixed && mass_[other] == fixed_mass) continue;
+            block.neighbours.push_back(static_cast<std::int32_t>(j));
+          }
+          return false;
+        });
   }
 }
 
@@ -280,13 +287,15 @@ void Relaxer::list_pairs() {
     }
   });
   listed_position_.resize(grains_.size());
-  std::transform(grains_.begin(), grains_.end(), listed_position_.begin(), [](const PackGrain& g) { return g.position; });
+  std::transform(grains_.begin(), grains_.end(), listed_position_.begin(),
+                 [](const PackGrain& g) { return g.position; });
 }
 
 void Relaxer::push_apart(double scale, double inflation) {
   each_block([&](Block& block) { push_pairs(block, scale, inflation); });
   for (const Block& block : blocks_)
-    for (const Block::Spill& spill : block.spills) acceleration_[static_cast<std::size_t>(spill.grain)] += spill.acceleration;
+    for (const Block::Spill& spill : block.spills)
+      acceleration_[static_cast<std::size_t>(spill.grain)] += spill.acceleration;
   each_block([&](Block& block) {
     push_from_bounds(block, scale, inflation);
     sum_up(block);
@@ -325,8 +334,10 @@ void Relaxer::push_pairs(Block& block, double scale, double inflation) {
       const double share = mass_[j] / (mass + mass_[j]);
       sum += (2.0 * share * overlap) * direction;
       const Vec3 back = (-2.0 * (1.0 - share) * overlap) * direction;
-      if (neighbour >= block.grains.begin && neighbour < block.grains.end) acceleration_[j] += back;
-      else block.spills.push_back({neighbour, back});
+      if (neighbour >= block.grains.begin && neighbour < block.grains.end)
+        acceleration_[j] += back;
+      else
+        block.spills.push_back({neighbour, back});
       block.overlaps.worst = std::max(block.overlaps.worst, (true_scale * radii - distance) / radii);
       block.overlaps.energy += std::min(mass, mass_[j]) * overlap * overlap;
     }
@@ -346,7 +357,8 @@ void Relaxer::push_from_bounds(Block& block, double scale, double inflation) {
     const Vec3 push = problem_.container.push(grains_[i].position, scale * inflation * radius, depth);
     if (depth > 0.0) {
       acceleration_[i] += 2.0 * push;
-      block.overlaps.worst = std::max(block.overlaps.worst, (depth - scale * (inflation - pack_clearance) * radius) / radius);
+      block.overlaps.worst =
+          std::max(block.overlaps.worst, (depth - scale * (inflation - pack_clearance) * radius) / radius);
       block.overlaps.energy += mass_[i] * depth * depth;
     }
     if (space_.is_flat) acceleration_[i].z = 0.0;

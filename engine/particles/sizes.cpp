@@ -49,22 +49,14 @@ double normal_quantile(double p) {
 
 DiameterSampler::DiameterSampler(const SizeDistribution& d) : kind_(d.kind) {
   switch (kind_) {
-    case SizeDistribution::Kind::single:
-      low_ = high_ = d.value;
-      break;
+    case SizeDistribution::Kind::single: low_ = high_ = d.value; break;
     case SizeDistribution::Kind::uniform:
       low_ = d.low;
       high_ = d.high;
       break;
-    case SizeDistribution::Kind::normal:
-      prepare_normal(d, false);
-      break;
-    case SizeDistribution::Kind::lognormal:
-      prepare_normal(d, true);
-      break;
-    case SizeDistribution::Kind::list:
-      prepare_list(d);
-      break;
+    case SizeDistribution::Kind::normal: prepare_normal(d, false); break;
+    case SizeDistribution::Kind::lognormal: prepare_normal(d, true); break;
+    case SizeDistribution::Kind::list: prepare_list(d); break;
   }
   expect(std::isfinite(low_) && std::isfinite(high_) && low_ > 0.0, "every diameter must be greater than zero");
   expect(low_ <= high_, "the smallest diameter is greater than the largest");
@@ -98,7 +90,8 @@ void DiameterSampler::prepare_normal(const SizeDistribution& d, bool is_logarith
   }
   share_low_ = normal_share(from);
   share_high_ = normal_share(to);
-  expect(share_high_ > 1e-200, "the bounds of the diameter lie too far from its mean for any grain to fall between them");
+  expect(share_high_ > 1e-200,
+         "the bounds of the diameter lie too far from its mean for any grain to fall between them");
 }
 
 void DiameterSampler::prepare_list(const SizeDistribution& d) {
@@ -118,10 +111,8 @@ void DiameterSampler::prepare_list(const SizeDistribution& d) {
 
 double DiameterSampler::operator()(double u) const {
   switch (kind_) {
-    case SizeDistribution::Kind::single:
-      return low_;
-    case SizeDistribution::Kind::uniform:
-      return low_ + u * (high_ - low_);
+    case SizeDistribution::Kind::single: return low_;
+    case SizeDistribution::Kind::uniform: return low_ + u * (high_ - low_);
     case SizeDistribution::Kind::list: {
       const auto place = std::upper_bound(cumulated_.begin(), cumulated_.end(), u * cumulated_.back());
       return values_[std::min(static_cast<std::size_t>(place - cumulated_.begin()), values_.size() - 1)];

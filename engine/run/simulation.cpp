@@ -106,7 +106,7 @@ void put_image(const Image& image, Particles& particles) {
 /// Lists of start positions have done their work once the grains are born; they weigh as much as the grains.
 void forget_lists(Scene& scene) {
   for (ParticleGroup& group : scene.particles)
-    if (auto* listed = std::get_if<ListedGrains>(&group.fill)) listed->grains = {};
+    if (auto* listed = std::get_if<ListedGrains>(&group.fill)) std::vector<GrainSeed>().swap(listed->grains);
 }
 
 /// Places of gids in the image's order.
@@ -128,18 +128,13 @@ PairCarry carry_of(const std::vector<PairHistory>& pairs, const Particles& parti
   const PlaceOf place(particles);
   PairCarry carry;
   carry.begin.assign(static_cast<std::size_t>(particles.size()) + 1, 0);
-  for (const PairHistory& pair : pairs) ++carry.begin[static_cast<std::size_t>(place(pair.gid_low)) + 1];
-  for (std::size_t i = 1; i < carry.begin.size(); ++i) carry.begin[i] += carry.begin[i - 1];
-  std::vector<std::int64_t> next(carry.begin.begin(), carry.begin.end() - 1);
-  carry.items.resize(pairs.size());
-  for (const PairHistory& pair : pairs) {
-    PairCarry::Item item;
-    std::copy_n(pair.displacement, 3, item.memory.displacement);
-    item.memory.energy = pair.energy;
-    item.other = place(pair.gid_high);
-    item.image = static_cast<std::uint8_t>(pair.image);
-    carry.items[static_cast<std::size_t>(next[static_cast<std::size_t>(place(pair.gid_low))]++)] = item;
+  for (const PairHistory& pair : pairs) {  // in order of gid_low, which is the order of the places
+    ++carry.begin[static_cast<std::size_t>(place(pair.gid_low)) + 1];
+    carry.items.push_back({{pair.displacement[0], pair.displacement[1], pair.displacement[2]}, place(pair.gid_high),
+                           static_cast<std::uint8_t>(pair.image)});
+    if (particles.has(Field::dissipated)) carry.energy.push_back(pair.energy);
   }
+  for (std::size_t i = 1; i < carry.begin.size(); ++i) carry.begin[i] += carry.begin[i - 1];
   return carry;
 }
 
@@ -568,14 +563,9 @@ Image Simulation::checkpoint() const {
   image.n_grains = order.size();
   for (const FieldInfo& row : field_table)
     if (row.travel != Travel::never && p.particles.has(row.field)) image.fields.push_back(p.gather(row, order));
-  const PairCarry pairs = p.contacts->pair_carry(p.particles);
-  for (std::size_t i = 0; i + 1 < pairs.begin.size(); ++i)
-    for (std::int64_t k = pairs.begin[i]; k < pairs.begin[i + 1]; ++k) {
-      const PairCarry::Item& item = pairs.items[static_cast<std::size_t>(k)];
-      const std::uint64_t x = p.particles.gid(static_cast<std::int64_t>(i)), y = p.particles.gid(item.other);
-      const PairMemory& m = item.memory;
-      image.pairs.push_back({std::min(x, y), std::max(x, y), item.image, {m.displacement[0], m.displacement[1], m.displacement[2]}, m.energy});
-    }
+  p.contacts->for_each_memory(p.particles, [&](std::int32_t a, std::int32_t b, std::uint8_t code, const PairMemory& m) {
+    image.pairs.push_back({p.particles.gid(a), p.particles.gid(b), code, {m.displacement[0], m.displacement[1], m.displacement[2]}, m.energy});
+  });
   std::sort(image.pairs.begin(), image.pairs.end(), [](const PairHistory& x, const PairHistory& y) {
     return std::tuple(x.gid_low, x.gid_high, x.image) < std::tuple(y.gid_low, y.gid_high, y.image);
   });

@@ -53,16 +53,11 @@ Hash128 state_hash(const Particles& particles, const Contacts& contacts, std::ui
     }
     sum.add(words);
   }
-  const PairCarry pairs = contacts.pair_carry(particles);
-  for (std::size_t i = 0; i + 1 < pairs.begin.size(); ++i)
-    for (std::int64_t k = pairs.begin[i]; k < pairs.begin[i + 1]; ++k) {
-      const PairCarry::Item& item = pairs.items[static_cast<std::size_t>(k)];
-      const std::uint64_t x = particles.gid(static_cast<std::int64_t>(i)), y = particles.gid(item.other);
-      start(Kind::pair);
-      words.insert(words.end(), {std::min(x, y), std::max(x, y), item.image, word(item.memory.displacement[0]),
-                                 word(item.memory.displacement[1]), word(item.memory.displacement[2])});
-      sum.add(words);
-    }
+  contacts.for_each_memory(particles, [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory& m) {
+    start(Kind::pair);
+    words.insert(words.end(), {particles.gid(a), particles.gid(b), image, word(m.displacement[0]), word(m.displacement[1]), word(m.displacement[2])});
+    sum.add(words);
+  });
   for (const WallCarry::Item& item : contacts.wall_carry().items) {
     const PairMemory& m = item.memory.memory;
     const Vec3 n = item.memory.normal;
