@@ -1,0 +1,172 @@
+#include "io/cli/check_command.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/particles/fill.hpp"
+#include "engine/run/simulation.hpp"
+#include "engine/walls/walls.hpp"
+#include "io/cli/layout.hpp"
+#include "io/cli/text.hpp"
+#include "io/scene_toml/scene_toml.hpp"
+
+namespace moraine {
+
+namespace {
+
+/// "name         text", the name in a column of its own.
+std::string row(const std::string& name, const std::string& text) { return fmt::format("{:<13}{}\n", name, text); }
+
+std::string vector_text(Vec3 v) { return fmt::format("({:.6g}, {:.6g}, {:.6g})", v.x, v.y, v.z); }
+
+std::string size_text(const SizeDistribution& size) {
+  switch (size.kind) {
+    case SizeDistribution::Kind::single: return fmt::format("{:.6g} m", size.value);
+    case SizeDistribution::Kind::uniform: return fmt::format("{:.6g} to {:.6g} m, uniform", size.low, size.high);
+    case SizeDistribution::Kind::normal:
+      return fmt::format("normal, mean {:.6g} m, deviation {:.6g} m, within {:.6g} to {:.6g} m", size.mean, size.deviation, size.low, size.high);
+    case SizeDistribution::Kind::lognormal:
+      return fmt::format("lognormal, mean {:.6g} m, deviation {:.6g} m, within {:.6g} to {:.6g} m", size.mean, size.deviation, size.low,
+                         size.high);
+    case SizeDistribution::Kind::list: break;
+  }
+  if (size.values.empty()) return "no sizes";
+  const auto [least, greatest] = std::minmax_element(size.values.begin(), size.values.end());
+  return fmt::format("{} sizes, {:.6g} to {:.6g} m", size.values.size(), *least, *greatest);
+}
+
+std::string listed_text(const ListedGrains& list, const SizeDistribution& size) {
+  const std::string origin = list.source.empty() ? "listed in the scene" : "from " + list.source;
+  if (!list.has_radius || list.grains.empty()) return origin + ", diameter " + size_text(size);
+  double least = infinity, greatest = 0.0;
+  for (const GrainSeed& grain : list.grains) {
+    least = std::min(least, 2.0 * grain.radius);
+    greatest = std::max(greatest, 2.0 * grain.radius);
+  }
+  return fmt::format("{}, {} grains, diameter {:.6g} to {:.6g} m", origin, list.grains.size(), least, greatest);
+}
+
+std::string group_text(const ParticleGroup& group) {
+  std::string text = group.material + ": ";
+  if (const auto* fill = std::get_if<RandomFill>(&group.fill)) {
+    text += "random, diameter " + size_text(group.diameter);
+    if (fill->solid_fraction) text += fmt::format(", to a solid fraction of {:.4g}", *fill->solid_fraction);
+    if (fill->count) text += fmt::format(", {} grains", count_text(static_cast<std::uint64_t>(*fill->count)));
+  } else if (const auto* lattice = std::get_if<LatticeFill>(&group.fill)) {
+    text += fmt::format("{} lattice, diameter {}", lattice->kind == LatticeFill::Kind::cubic ? "cubic" : "hexagonal", size_text(group.diameter));
+  } else {
+    text += listed_text(std::get<ListedGrains>(group.fill), group.diameter);
+  }
+  return text;
+}
+
+std::string domain_text(const Domain& domain) {
+  std::string text = vector_text(domain.low) + " to " + vector_text(domain.high) + " m";
+  std::string axes;
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    if (domain.periodic[axis]) axes += (axes.empty() ? "" : ", ") + std::string(1, "xyz"[axis]);
+  if (!axes.empty()) text += ", periodic in " + axes;
+  return domain.dimensions == 2 ? text + ", two-dimensional" : text;
+}
+
+std::string material_text(const Material& material) {
+  std::string text = fmt::format("{}: {:.6g} kg/m3", material.name, material.density);
+  if (material.young > 0.0) text += fmt::format(", Young's modulus {:.4g} Pa, Poisson's ratio {:.3g}", material.young, material.poisson);
+  return text;
+}
+
+const char* shape_name(const WallDefinition& wall) {
+  constexpr const char* names[] = {"plane", "box", "cylinder", "cone", "disc", "mesh"};
+  return names[wall.shape.index()];
+}
+
+std::string wall_text(const WallDefinition& wall) {
+  std::string text = wall.name + ": " + (wall.symmetry ? "symmetry plane" : shape_name(wall));
+  if (wall.frictionless && !wall.symmetry) text += ", frictionless";
+  if (!wall.material.empty() && !wall.symmetry) text += ", " + wall.material;
+  if (wall.from > 0.0) text += fmt::format(", from {:.6g} s", wall.from);
+  if (std::isfinite(wall.until)) text += fmt::format(", until {:.6g} s", wall.until);
+  const auto* mesh = std::get_if<MeshShape>(&wall.shape);
+  if (mesh == nullptr) return text;
+  const MeshReport report = inspect(mesh->mesh);
+  text += fmt::format(", {} of {}", counted(static_cast<std::uint64_t>(report.n_triangles), "triangle"), mesh->file);
+  return text + (report.text.empty() ? ", closed" : "");
+}
+
+/// What the mesh of a wall reports, each line on a row of its own.
+std::string mesh_rows(const WallDefinition& wall) {
+  const auto* mesh = std::get_if<MeshShape>(&wall.shape);
+  if (mesh == nullptr) return {};
+  std::string rows;
+  const std::string report = inspect(mesh->mesh).text;
+  for (std::size_t at = 0; at < report.size();) {
+    const std::size_t end = std::min(report.find('\n', at), report.size());
+    rows += row("", "  " + report.substr(at, end - at));
+    at = end + 1;
+  }
+  return rows;
+}
+
+std::string list_rows(const std::string& name, const std::vector<std::string>& texts) {
+  std::string rows;
+  for (const std::string& text : texts) rows += row(rows.empty() ? name : "", text);
+  return rows;
+}
+
+std::string time_rows(const Scene& scene, const Plan& plan) {
+  const StepChoice& choice = plan.time_step;
+  std::string rows = row("time step", fmt::format("{:.6g} s{}, {:.3g} steps in the shortest contact ({:.4g} s)", choice.step,
+                                                  scene.time.step ? " (given)" : " (chosen)", choice.steps_per_contact, choice.contact_time));
+  rows += row("", "limited by " + choice.limit);
+  if (scene.time.step) rows += row("", fmt::format("\"auto\" would choose {:.6g} s", choice.automatic));
+  return rows + row("time", fmt::format("{:.6g} s in {}", scene.time.end, counted(plan.n_steps, "step")));
+}
+
+std::string output_row(const Scene& scene, double time_step) {
+  const Output& output = scene.output;
+  std::string text = output.snapshot_interval > 0.0
+                         ? fmt::format("a snapshot every {:.6g} s", output.snapshot_interval)
+                         : std::string("one snapshot at the end");
+  text += output.checkpoint_interval > 0.0 ? fmt::format(", a checkpoint every {:.6g} s", output.checkpoint_interval)
+                                           : ", a checkpoint at the end";
+  for (const Probe& probe : output.probes)
+    text += fmt::format(", {}.csv every {:.6g} s", probe.name, probe.interval > 0.0 ? probe.interval : time_step);
+  return row("output", text);
+}
+
+}  // namespace
+
+std::string check_text(const std::filesystem::path& scene_file, const std::vector<std::string>& overrides,
+                       const std::optional<std::string>& layout) {
+  std::vector<SceneMessage> messages;
+  const Scene scene = read_scene(scene_file, overrides, &messages);
+  const Layout chosen = parse_layout(layout.value_or(scene.run.layout));
+  const Plan plan = make_plan(scene, chosen.threads);
+
+  std::string text = row("scene", scene_file.string() + (scene.title.empty() ? "" : ": " + scene.title));
+  text += row("grains", count_text(plan.n_grains));
+  for (const ParticleGroup& group : scene.particles) text += row("", group_text(group));
+  text += row("domain", domain_text(scene.domain));
+  std::vector<std::string> lines;
+  for (const Material& material : scene.materials) lines.push_back(material_text(material));
+  text += list_rows("materials", lines);
+  for (std::size_t i = 0; i < scene.walls.size(); ++i)
+    text += row(i == 0 ? "walls" : "", wall_text(scene.walls[i])) + mesh_rows(scene.walls[i]);
+  text += time_rows(scene, plan);
+  text += list_rows("kernels", plan.chosen);
+  text += list_rows("left out", plan.left_out);
+  text += row("skin", fmt::format("{:.6g} m", plan.skin));
+  text += output_row(scene, plan.time_step.step);
+  text += row("layout", chosen.text());
+  text += row("memory", fmt::format("about {}", bytes_text(plan.memory)));
+  text += row("will take", fmt::format("about {}", duration_text(plan.seconds)));
+
+  lines.clear();
+  for (const SceneMessage& message : messages) lines.push_back(message.text());
+  for (const std::string& warning : plan.warnings) lines.push_back(warning);
+  return text + list_rows("warnings", lines);
+}
+
+}  // namespace moraine

@@ -1,0 +1,190 @@
+// The program moraine.
+//
+// Exit codes: 0 all is well; 1 a run could not go on (its checkpoints stay), a disk is full, or two files differ; 2 the scene, the
+// command line or a file to be read is wrong, and nothing was done; 130 (SIGINT), 143 (SIGTERM), 129 (SIGHUP) the run
+// was ended by that signal and has written a checkpoint.
+#include <CLI/CLI.hpp>
+#include <array>
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <new>
+
+#include "engine/run/simulation.hpp"
+#include "io/cli/check_command.hpp"
+#include "io/cli/file_commands.hpp"
+#include "io/cli/layout.hpp"
+#include "io/cli/run_command.hpp"
+#include "io/cli/version.hpp"
+#include "io/export/export.hpp"
+#include "io/export/render.hpp"
+#include "io/scene_toml/scene_toml.hpp"
+
+using namespace moraine;
+
+namespace {
+
+using Command = std::function<int()>;
+
+void print(const std::string& text) {
+  std::fwrite(text.data(), 1, text.size(), stdout);
+  if (!text.empty() && text.back() != '\n') std::fputc('\n', stdout);
+}
+
+int complain(const std::string& text, int code) {
+  std::fprintf(stderr, "error: %s\n", text.c_str());
+  return code;
+}
+
+/// Every problem of a scene stands on a line of its own already.
+int list_problems(const std::string& problems) {
+  std::fprintf(stderr, "%s\n", problems.c_str());
+  return exit_code::bad_input;
+}
+
+void add_scene_options(CLI::App& command, std::filesystem::path& scene, std::vector<std::string>& overrides,
+                       std::optional<std::string>& layout) {
+  command.add_option("SCENE", scene, "scene file (TOML)")->required();
+  command.add_option("--set", overrides, "changes a key of the scene: KEY=VALUE, as often as wanted")
+      ->type_name("KEY=VALUE")->type_size(1)->allow_extra_args(false)->take_all();
+  command.add_option("--layout", layout, "RANKSxTHREADS, or auto: all cores that this process may use");
+}
+
+void add_run(CLI::App& app, Command& chosen, Log& log) {
+  auto* command = app.add_subcommand("run", "runs a scene");
+  auto request = std::make_shared<RunRequest>();
+  add_scene_options(*command, request->scene_file, request->overrides, request->layout);
+  command->add_option("--out", request->out, "directory for the results (default: runs/NAME, or the next free NAME-2 ...)");
+  command->add_option("--restart", request->restart,
+                      "goes on from a checkpoint FILE, or auto: from the latest sound one of the newest run (or --out)");
+  command->add_option("--until", request->until, "stops at this time [s], with a checkpoint")->check(CLI::PositiveNumber);
+  command->callback([&chosen, &log, request] { chosen = [&log, request] { return run_scene(*request, log); }; });
+}
+
+void add_check(CLI::App& app, Command& chosen) {
+  auto* command = app.add_subcommand("check", "says what a scene will be run with, without running it");
+  auto request = std::make_shared<RunRequest>();
+  add_scene_options(*command, request->scene_file, request->overrides, request->layout);
+  command->callback([&chosen, request] {
+    chosen = [request] {
+      print(check_text(request->scene_file, request->overrides, request->layout));
+      return exit_code::good;
+    };
+  });
+}
+
+void add_info(CLI::App& app, Command& chosen) {
+  auto* command = app.add_subcommand("info", "says what a checkpoint or snapshot holds");
+  auto file = std::make_shared<std::filesystem::path>();
+  command->add_option("FILE", *file, "checkpoint, snapshot, or run directory")->required();
+  command->callback([&chosen, file] {
+    chosen = [file] {
+      print(info_text(*file));
+      return exit_code::good;
+    };
+  });
+}
+
+void add_compare(CLI::App& app, Command& chosen) {
+  auto* command = app.add_subcommand("compare", "compares two files bit by bit; exit code 0: equal, 1: not equal, 2: cannot be read");
+  auto files = std::make_shared<std::array<std::filesystem::path, 2>>();
+  command->add_option("A", (*files)[0], "checkpoint, snapshot, or run directory (its latest checkpoint)")->required();
+  command->add_option("B", (*files)[1], "the other one")->required();
+  command->callback([&chosen, files] {
+    chosen = [files] {
+      const ComparisonText result = compare_files((*files)[0], (*files)[1]);
+      print(result.text);
+      return result.is_equal ? exit_code::good : exit_code::failed;
+    };
+  });
+}
+
+void add_export(CLI::App& app, Command& chosen) {
+  auto* command = app.add_subcommand("export", "writes the snapshots of a run for other tools");
+  auto request = std::make_shared<ExportRequest>();
+  command->add_option("RUN", request->run, "run directory, or one snapshot")->required();
+  auto* kinds = command->add_option_group("format");
+  kinds->add_flag_callback("--vtk", [request] { request->kind = ExportKind::vtk; }, "VTK files and a .pvd series");
+  kinds->add_flag_callback("--csv", [request] { request->kind = ExportKind::csv; }, "a CSV table for each snapshot");
+  kinds->add_flag_callback("--povray", [request] { request->kind = ExportKind::povray; }, "POV-Ray scenes");
+  kinds->require_option(1);
+  command->add_option("--frame", request->frame, "only this snapshot: 0, 1, ... from the first, -1, -2, ... from the last");
+  command->add_option("--field", request->field, "POV-Ray: what the grains are coloured by (default: speed)");
+  command->add_option("--out", request->out, "directory (default: RUN/vtk, RUN/csv, RUN/povray)");
+  command->callback([&chosen, request] {
+    chosen = [request] {
+      print(export_run(*request));
+      return exit_code::good;
+    };
+  });
+}
+
+void add_render(CLI::App& app, Command& chosen) {
+  auto* command = app.add_subcommand("render", "a picture (PNG) of a snapshot, by POV-Ray");
+  auto request = std::make_shared<RenderRequest>();
+  command->add_option("RUN", request->run, "run directory, or one snapshot")->required();
+  command->add_option("--frame", request->frame, "which snapshot: 0, 1, ... from the first, -1 (default), -2, ... from the last, or all");
+  command->add_option("--field", request->style.field, "what the grains are coloured by (default: speed)");
+  command->add_option("--range", request->style.range, "least and greatest value of the colours (default: those of the snapshot)")->expected(2);
+  command->add_option("--size", request->size, "WIDTHxHEIGHT in pixels (default: 1280x960)");
+  command->add_option("--view", request->style.view, "azimuth and elevation of the camera [degrees]")->expected(2);
+  command->add_option("--out", request->out, "file (default: RUN/pictures/STEP.png)");
+  command->callback([&chosen, request] {
+    chosen = [request] {
+      print(render_run(*request));
+      return exit_code::good;
+    };
+  });
+}
+
+void add_keys(CLI::App& app, Command& chosen) {
+  app.add_subcommand("keys", "lists every key of a scene file")->callback([&chosen] {
+    chosen = [] {
+      print(scene_key_reference());
+      return exit_code::good;
+    };
+  });
+}
+
+int carry_out(const Command& command, bool is_run) {
+  try {
+    return command();
+  } catch (const SceneFileError& error) {
+    return list_problems(error.what());
+  } catch (const SceneError& error) {
+    return list_problems(error.what());
+  } catch (const UsageError& error) {
+    return complain(error.what(), exit_code::bad_input);
+  } catch (const ExportError& error) {
+    return complain(error.what(), exit_code::bad_input);
+  } catch (const StorageError& error) {
+    return complain(error.what(), is_run ? exit_code::failed : exit_code::bad_input);
+  } catch (const std::bad_alloc&) {
+    return complain("there is not enough memory", exit_code::failed);
+  } catch (const std::exception& error) {
+    return complain(error.what(), exit_code::failed);
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Moraine: how grains flow. One scene file, all cores, the same bits on any number of them.", "moraine");
+  app.set_version_flag("--version", program_identity());
+  app.require_subcommand(1);
+  Command chosen;
+  Log log;
+  add_run(app, chosen, log);
+  add_check(app, chosen);
+  add_info(app, chosen);
+  add_compare(app, chosen);
+  add_export(app, chosen);
+  add_render(app, chosen);
+  add_keys(app, chosen);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? exit_code::good : exit_code::bad_input;
+  }
+  return carry_out(chosen, app.got_subcommand("run"));
+}

@@ -1,0 +1,176 @@
+#include "io/cli/outputs.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "io/cli/progress.hpp"
+#include "io/cli/text.hpp"
+#include "io/snapshot/snapshot.hpp"
+
+namespace moraine {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+const std::vector<std::string> energy_columns = {
+    "time [s]",          "kinetic [J]",          "rotational [J]",     "elastic_normal [J]", "elastic_tangential [J]",
+    "potential [J]",     "lost_normal [J]",      "lost_tangential [J]", "lost_friction [J]", "lost_drag [J]",
+    "left [J]",          "total [J]",            "error [J]"};
+
+std::vector<double> energy_values(double time, const EnergyLedger& e) {
+  return {time,          e.kinetic,         e.rotational,    e.elastic_normal, e.elastic_tangential, e.potential, e.lost_normal,
+          e.lost_tangential, e.lost_friction, e.lost_drag, e.left,           e.total(),            e.error()};
+}
+
+std::string energy_line(double time, const EnergyLedger& e) {
+  const double scale = std::max({std::abs(e.initial), std::abs(e.total()), std::abs(e.lost())});
+  return fmt::format(
+      "energy at {:.6g} s: kinetic {:.6g} J, rotational {:.6g} J, elastic {:.6g} J, potential {:.6g} J, lost {:.6g} J, "
+      "error {:.3g} J ({:.2g} of the largest)",
+      time, e.kinetic, e.rotational, e.elastic_normal + e.elastic_tangential, e.potential, e.lost(), e.error(),
+      scale > 0.0 ? std::abs(e.error()) / scale : 0.0);
+}
+
+/// What the scene asks for, and what no snapshot can do without.
+std::vector<std::string> snapshot_fields(std::vector<std::string> wanted) {
+  if (wanted.empty()) return wanted;
+  for (const char* name : {"position", "radius", "gid"})
+    if (std::find(wanted.begin(), wanted.end(), name) == wanted.end()) wanted.emplace_back(name);
+  return wanted;
+}
+
+bool is_taken(const std::vector<Probe>& probes, const std::string& name) {
+  return std::any_of(probes.begin(), probes.end(), [&](const Probe& probe) { return probe.name == name; });
+}
+
+}  // namespace
+
+Outputs::Outputs(const fs::path& directory, const Simulation& simulation, RunRecord record,
+                 std::optional<std::uint64_t> restart, Log& log)
+    : directory_(directory), record_(std::move(record)), log_(&log),
+      fields_(snapshot_fields(simulation.scene().output.fields)),
+      checkpoints_kept_(simulation.scene().output.checkpoints_kept),
+      snapshots_(simulation.scene().output.snapshot_interval, simulation.time_step()),
+      checkpoints_(simulation.scene().output.checkpoint_interval, simulation.time_step()), series_(directory) {
+  if (restart) drop_later_outputs(*restart);
+  else if (series_.size() > 0) series_.drop_from(0);
+  open_tables(simulation, restart);
+}
+
+void Outputs::drop_later_outputs(std::uint64_t restart) {
+  const int n_dropped = series_.drop_from(first_open_snapshot(restart));
+  if (n_dropped > 0)
+    log_->say(fmt::format("{} later than the restart dropped", counted(static_cast<std::uint64_t>(n_dropped), "snapshot")));
+  set_later_checkpoints_aside(restart);
+}
+
+std::uint64_t Outputs::first_open_snapshot(std::uint64_t restart) const {
+  // What was written at the restart itself stays if an unbroken run would have written it too.
+  return snapshots_.is_due(restart) ? restart + 1 : restart;
+}
+
+void Outputs::set_later_checkpoints_aside(std::uint64_t restart) {
+  for (const fs::path& path : list_checkpoints(directory_)) {
+    if (*checkpoint_step(path) == restart) last_checkpoint_ = path;
+    if (*checkpoint_step(path) <= restart) continue;
+    fs::path aside = path;
+    aside += ".old";
+    std::error_code error;
+    fs::rename(path, aside, error);
+    if (error) throw StorageError(path, "cannot be renamed: " + explain_errno(error.value()));
+    log_->say(fmt::format("{} is later than the restart: renamed to {}", path.string(), aside.filename().string()));
+  }
+}
+
+void Outputs::open_tables(const Simulation& simulation, std::optional<std::uint64_t> restart) {
+  const Output& output = simulation.scene().output;
+  const auto probe_rows = restart ? std::optional(*restart + 1) : std::nullopt;
+  const auto snapshot_rows = restart ? std::optional(first_open_snapshot(*restart)) : std::nullopt;
+  for (std::size_t i = 0; i < output.probes.size(); ++i) {
+    std::vector<std::string> columns = simulation.probe_columns(i);
+    const bool has_time = !columns.empty() && columns[0].starts_with("time");
+    if (!has_time) columns.insert(columns.begin(), "time [s]");
+    probes_.push_back({i, Schedule(output.probes[i].interval, simulation.time_step()),
+                       TableFile(directory_ / (output.probes[i].name + ".csv"), columns, probe_rows), has_time});
+  }
+  const auto free_name = [&](const char* name, const char* other) {
+    return directory_ / (std::string(is_taken(output.probes, name) ? other : name) + ".csv");
+  };
+  if (output.energy) energy_.emplace(free_name("energy", "energy_ledger"), energy_columns, snapshot_rows);
+  hashes_.emplace(free_name("hashes", "state_hashes"), std::vector<std::string>{"time [s]", "state_hash"}, snapshot_rows);
+}
+
+bool Outputs::is_due(std::uint64_t step) const {
+  return snapshots_.is_due(step) || checkpoints_.is_due(step) ||
+         std::any_of(probes_.begin(), probes_.end(), [&](const ProbeTable& probe) { return probe.schedule.is_due(step); });
+}
+
+void Outputs::write_due(Simulation& simulation) {
+  const std::uint64_t step = simulation.step_number();
+  if (!is_due(step)) return;
+  {
+    const WallClock clock;
+    check_grains(simulation);
+    write_probes(simulation);
+    seconds_ += clock.seconds();
+  }
+  if (snapshots_.is_due(step)) write_snapshot_now(simulation);
+  if (checkpoints_.is_due(step) && step > 0) write_checkpoint_now(simulation);
+}
+
+void Outputs::check_grains(const Simulation& simulation) const {
+  if (simulation.n_grains() + simulation.n_left() == simulation.n_born()) return;
+  throw RunError(fmt::format("grains are missing at {} s: {} were born, but {} are inside and {} left through outlets",
+                             simulation.time(), simulation.n_born(), simulation.n_grains(), simulation.n_left()));
+}
+
+void Outputs::write_probes(Simulation& simulation) {
+  const std::uint64_t step = simulation.step_number();
+  for (ProbeTable& probe : probes_) {
+    if (!probe.schedule.is_due(step)) continue;
+    std::vector<double> values = simulation.probe_row(probe.probe);
+    if (!probe.has_time) values.insert(values.begin(), simulation.time());
+    probe.table.add(step, values);
+  }
+}
+
+void Outputs::write_energy(const Simulation& simulation) {
+  if (!energy_) return;
+  const EnergyLedger ledger = simulation.energy();
+  energy_->add(simulation.step_number(), energy_values(simulation.time(), ledger));
+  log_->note(energy_line(simulation.time(), ledger));
+}
+
+void Outputs::write_snapshot_now(const Simulation& simulation) {
+  const std::uint64_t step = simulation.step_number();
+  if (series_.contains(step)) return;
+  const WallClock clock;
+  const Image image = simulation.snapshot(fields_);
+  series_.add(image);
+  hashes_->add_text(step, {number_text(simulation.time()), image.hash.text()});
+  write_energy(simulation);
+  seconds_ += clock.seconds();
+}
+
+void Outputs::write_checkpoint_now(const Simulation& simulation) {
+  const std::uint64_t step = simulation.step_number();
+  if (last_checkpoint_step_ == step) return;
+  const WallClock clock;
+  // The series first: a restart counts on the rows up to its step.
+  for (ProbeTable& probe : probes_) probe.table.sync();
+  if (energy_) energy_->sync();
+  hashes_->sync();
+  make_directory(checkpoint_directory(directory_));
+  const fs::path path = checkpoint_directory(directory_) / checkpoint_name(step);
+  write_checkpoint(path, simulation.checkpoint(), record_);
+  last_checkpoint_ = path;
+  last_checkpoint_step_ = step;
+  remove_old_checkpoints(directory_, checkpoints_kept_);
+  log_->note(fmt::format("checkpoint at {:.6g} s, step {}: {}", simulation.time(), step, path.string()));
+  seconds_ += clock.seconds();
+}
+
+}  // namespace moraine

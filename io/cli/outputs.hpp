@@ -1,0 +1,74 @@
+// All that a run writes while it goes: probes, energies, snapshots, hashes, checkpoints, each when it is due.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "engine/run/simulation.hpp"
+#include "io/checkpoint/checkpoint.hpp"
+#include "io/cli/log.hpp"
+#include "io/cli/schedule.hpp"
+#include "io/cli/table_file.hpp"
+#include "io/snapshot/series.hpp"
+
+namespace moraine {
+
+class Outputs {
+ public:
+  /// Opens the files of a run directory that exists. With `restart`, what lies behind that step is
+  /// dropped; without it, all of an earlier attempt. Throws StorageError.
+  Outputs(const std::filesystem::path& directory, const Simulation& simulation, RunRecord record,
+          std::optional<std::uint64_t> restart, Log& log);
+
+  /// Writes what is due at the simulation's step. Checkpoints come last: a run that goes on from one finds all other outputs of
+  /// that step written. Throws StorageError; RunError where grains are missing.
+  void write_due(Simulation& simulation);
+
+  /// True where any output is due at that step.
+  bool is_due(std::uint64_t step) const;
+
+  /// Makes sure that the present step has a snapshot. Throws StorageError.
+  void write_snapshot_now(const Simulation& simulation);
+  /// Makes sure that the present step has a checkpoint, and removes old ones. Throws StorageError.
+  void write_checkpoint_now(const Simulation& simulation);
+
+  std::optional<std::filesystem::path> last_checkpoint() const { return last_checkpoint_; }
+  std::size_t n_snapshots() const { return series_.size(); }
+  /// Wall-clock time spent on writing [s].
+  double seconds() const { return seconds_; }
+
+ private:
+  struct ProbeTable {
+    std::size_t probe;
+    Schedule schedule;
+    TableFile table;
+    bool has_time;  // the probe's own first column is the time
+  };
+
+  void drop_later_outputs(std::uint64_t restart);
+  std::uint64_t first_open_snapshot(std::uint64_t restart) const;
+  void set_later_checkpoints_aside(std::uint64_t restart);
+  void open_tables(const Simulation& simulation, std::optional<std::uint64_t> restart);
+  void write_probes(Simulation& simulation);
+  void write_energy(const Simulation& simulation);
+  void check_grains(const Simulation& simulation) const;
+
+  std::filesystem::path directory_;
+  RunRecord record_;
+  Log* log_;
+  std::vector<std::string> fields_;
+  int checkpoints_kept_;
+  Schedule snapshots_, checkpoints_;
+  SnapshotSeries series_;
+  std::vector<ProbeTable> probes_;
+  std::optional<TableFile> energy_;
+  std::optional<TableFile> hashes_;
+  std::optional<std::filesystem::path> last_checkpoint_;
+  std::optional<std::uint64_t> last_checkpoint_step_;
+  double seconds_ = 0.0;
+};
+
+}  // namespace moraine

@@ -1,0 +1,574 @@
+// The table of keys: one row a key.
+#include "io/scene_toml/scene_keys.hpp"
+
+#include <fmt/format.h>
+
+#include <concepts>
+
+#include "io/scene_toml/words.hpp"
+
+namespace moraine::scene_toml {
+
+namespace {
+
+// ---- what a type is called, and how a default is written -------------------------------------------------------------------
+
+template <class V>
+struct TypeName;
+template <> struct TypeName<double> { static constexpr const char* text = "number"; };
+template <> struct TypeName<int> { static constexpr const char* text = "whole number"; };
+template <> struct TypeName<std::int64_t> { static constexpr const char* text = "whole number"; };
+template <> struct TypeName<std::uint64_t> { static constexpr const char* text = "whole number"; };
+template <> struct TypeName<bool> { static constexpr const char* text = "true or false"; };
+template <> struct TypeName<std::string> { static constexpr const char* text = "text"; };
+template <> struct TypeName<Vec3> { static constexpr const char* text = "[x, y, z]"; };
+template <> struct TypeName<std::array<bool, 3>> { static constexpr const char* text = "[x, y, z], each true or false"; };
+template <> struct TypeName<std::array<std::string, 2>> { static constexpr const char* text = "two names"; };
+template <> struct TypeName<std::vector<double>> { static constexpr const char* text = "list of numbers"; };
+template <> struct TypeName<std::vector<std::string>> { static constexpr const char* text = "list of names"; };
+template <class V> struct TypeName<std::optional<V>> : TypeName<V> {};
+
+std::string preset_text(double v) { return std::isinf(v) ? "infinite" : fmt::format("{}", v); }
+template <std::integral V> std::string preset_text(V v) { return fmt::format("{}", v); }
+std::string preset_text(bool v) { return v ? "true" : "false"; }
+std::string preset_text(const std::string& v) { return v.empty() ? "none" : "\"" + v + "\""; }
+std::string preset_text(Vec3 v) { return fmt::format("[{}, {}, {}]", v.x, v.y, v.z); }
+std::string preset_text(const std::array<bool, 3>& v) { return fmt::format("[{}, {}, {}]", v[0], v[1], v[2]); }
+template <class V> std::string preset_text(const std::optional<V>&) { return "none"; }
+template <class V> std::string preset_text(const std::vector<V>&) { return "none"; }
+template <class V, std::size_t n> std::string preset_text(const std::array<V, n>&) { return "none"; }
+
+// ---- rows ------------------------------------------------------------------------------------------------------------------
+
+enum Presence { optional_key, required_key };
+
+/// A row whose value is read into a member of the same type. `preset` overrides the default that the struct has.
+template <class T, class V>
+Key<T> value(const char* name, V T::* member, About about, Presence presence = optional_key, const char* preset = nullptr) {
+  const bool is_required = presence == required_key;
+  KeyDoc doc{"", name, TypeName<V>::text, about.unit, preset ? preset : preset_text(T{}.*member), about.meaning, is_required};
+  return {doc, [member, unit = about.unit](Reader& reader, const At& at, T& out) { reader.read(at, unit, out.*member); }};
+}
+
+/// The same for a struct inside the T, as `group` in a draft.
+template <class T, class Inner>
+KeyTable<T> inside(Inner T::* part, const KeyTable<Inner>& table, KeyTable<T> more) {
+  KeyTable<T> out;
+  for (const Key<Inner>& key : table.keys)
+    out.keys.push_back({key.doc, [part, read = key.read](Reader& reader, const At& at, T& draft) { read(reader, at, draft.*part); },
+                        key.describe_inside});
+  for (Key<T>& key : more.keys) out.keys.push_back(std::move(key));
+  return out;
+}
+
+/// A row whose value is one of a few words.
+template <class T, class E>
+Key<T> choice(const char* name, E T::* member, std::vector<std::pair<std::string, E>> words, About about, const char* preset,
+              Presence presence = optional_key) {
+  std::vector<std::string> names;
+  for (const auto& [word, meaning] : words) names.push_back(word);
+  KeyDoc doc{"", name, quoted_list(names, "or"), about.unit, preset, about.meaning, presence == required_key};
+  return {doc, [member, names, words](Reader& reader, const At& at, T& out) {
+            std::size_t index = 0;
+            if (reader.read_choice(at, names, index)) out.*member = words[index].second;
+          }};
+}
+
+template <class T>
+Key<T> direction(const char* name, Vec3 T::* member, const char* preset, const char* meaning) {
+  return {{"", name, "[x, y, z] or \"x\", \"-x\", ...", "-", preset, meaning},
+          [member](Reader& reader, const At& at, T& out) { reader.read_direction(at, out.*member); }};
+}
+
+template <class T>
+Key<T> axis(const char* name, int T::* member, const char* meaning) {
+  return {{"", name, "\"x\", \"y\" or \"z\"", "", "\"z\"", meaning},
+          [member](Reader& reader, const At& at, T& out) { reader.read_axis(at, out.*member); }};
+}
+
+/// A table inside a table.
+template <class T, class Inner>
+Key<T> table(const char* name, Inner T::* member, const KeyTable<Inner>& inner, const char* preset, const char* meaning,
+             Presence presence = optional_key) {
+  return {{"", name, "table", "", preset, meaning, presence == required_key},
+          [member, &inner](Reader& reader, const At& at, T& out) { inner.read(reader, at, out.*member); },
+          [&inner](const std::string& section, std::vector<KeyDoc>& docs) { inner.describe(section, docs); }};
+}
+template <class T, class Inner>
+Key<T> table(const char* name, std::optional<Inner> T::* member, const KeyTable<Inner>& inner, const char* preset,
+             const char* meaning, Presence presence = optional_key) {
+  return {{"", name, "table", "", preset, meaning, presence == required_key},
+          [member, &inner](Reader& reader, const At& at, T& out) {
+            out.*member = Inner{};
+            inner.read(reader, at, *(out.*member));
+          },
+          [&inner](const std::string& section, std::vector<KeyDoc>& docs) { inner.describe(section, docs); }};
+}
+
+/// A list of tables: [[name]].
+template <class T, class Inner>
+Key<T> tables(const char* name, std::vector<Inner> T::* member, const KeyTable<Inner>& inner, const char* meaning,
+              Presence presence = optional_key) {
+  return {{"", name, fmt::format("list of tables, [[{}]]", name), "", "none", meaning, presence == required_key},
+          [member, &inner](Reader& reader, const At& at, T& out) {
+            if (at.node.kind == Node::Kind::table) {
+              reader.complain(at, fmt::format("expected a list of tables, found one table; write [[{0}]] with two brackets", at.path()));
+              return;
+            }
+            if (!reader.expect_list(at, "a list of tables")) return;
+            for (std::size_t i = 0; i < at.node.items.size(); ++i) {
+              (out.*member).emplace_back();
+              inner.read(reader, At{at.node.items[i], at.node.items[i].begin, &at, {}, i}, (out.*member).back());
+            }
+          },
+          [&inner](const std::string& section, std::vector<KeyDoc>& docs) { inner.describe(section, docs); }};
+}
+
+/// A key that has its place but does nothing yet: whoever sets it learns so, instead of getting a run without it.
+template <class T>
+Key<T> planned(const char* name, const char* meaning) {
+  return {{"", name, "planned", "", "none", fmt::format("{} (not available yet in this version)", meaning)},
+          [](Reader& reader, const At& at, T&) {
+            const Node& node = at.node;
+            const bool is_none = (node.kind == Node::Kind::text && (node.text == "none" || node.text.empty())) ||
+                                 (node.kind == Node::Kind::boolean && !node.boolean) ||
+                                 (node.kind == Node::Kind::list && node.items.empty());
+            if (!is_none) reader.complain(at, "not available yet in this version; leave it out");
+          }};
+}
+
+// ---- sections --------------------------------------------------------------------------------------------------------------
+
+const KeyTable<BoxDraft>& box_keys() {
+  static const KeyTable<BoxDraft> keys{{
+      value("low", &BoxDraft::low, {"m", "corner with the lowest coordinates"}, optional_key, "the domain's"),
+      value("high", &BoxDraft::high, {"m", "corner with the highest coordinates"}, optional_key, "the domain's"),
+  }};
+  return keys;
+}
+
+const KeyTable<Domain>& domain_keys() {
+  static const KeyTable<Domain> keys{{
+      value("low", &Domain::low, {"m", "corner of the domain with the lowest coordinates"}, required_key),
+      value("high", &Domain::high, {"m", "corner of the domain with the highest coordinates"}, required_key),
+      value("periodic", &Domain::periodic, {"", "directions in which grains that leave come back on the other side"}),
+      value("dimensions", &Domain::dimensions, {"-", "3, or 2: nothing moves along z"}),
+  }};
+  return keys;
+}
+
+Key<TimeControl> step_key() {
+  return {{"", "step", "\"auto\" or number", "s", "\"auto\"", "time step; auto chooses it from the stiffest contact"},
+          [](Reader& reader, const At& at, TimeControl& out) {
+            if (at.node.kind == Node::Kind::text && at.node.text == "auto") return;
+            if (at.node.kind == Node::Kind::text && !in_si(at.node.text, "s"))
+              reader.complain(at, "expected \"auto\" or a number [s]");
+            else
+              reader.read(at, "s", out.step);
+          }};
+}
+
+const KeyTable<TimeControl>& time_keys() {
+  static const KeyTable<TimeControl> keys{{
+      value("end", &TimeControl::end, {"s", "simulated time at which the run ends"}, required_key),
+      step_key(),
+      value("steps_per_contact", &TimeControl::steps_per_contact, {"-", "with step = \"auto\": steps in the shortest contact"}),
+      value("max_speed", &TimeControl::max_speed,
+            {"m/s", "fastest approach to expect, which shortens Hertz contacts; 0: estimated from the scene"}),
+      value("gravity", &TimeControl::gravity, {"m/s2", "acceleration of gravity"}),
+      value("damping", &TimeControl::damping, {"1/s", "bulk viscosity c: a force -c m v on each grain"}),
+  }};
+  return keys;
+}
+
+const KeyTable<Material>& material_keys() {
+  static const KeyTable<Material> keys{{
+      value("name", &Material::name, {"", "name by which grains, walls and pairs refer to it"}, required_key),
+      value("density", &Material::density, {"kg/m3", "density; needed where grains are made of it"}),
+      value("young", &Material::young, {"Pa", "Young's modulus; needed by Hertz contacts"}),
+      value("poisson", &Material::poisson, {"-", "Poisson's ratio"}),
+  }};
+  return keys;
+}
+
+const KeyTable<PairDraft>& pair_keys() {
+  static const KeyTable<PairLaw> law{{
+      value("normal_stiffness", &PairLaw::normal_stiffness, {"N/m", "spring of the linear normal law; needed by it"}),
+      value("tangential_stiffness", &PairLaw::tangential_stiffness, {"N/m", "spring of the tangential laws spring and power"},
+            optional_key, "2/7 of the normal one (linear)"),
+      value("restitution", &PairLaw::restitution, {"-", "speed after over speed before a head-on impact"}),
+      value("friction", &PairLaw::friction, {"-", "Coulomb's coefficient"}),
+      value("tangential_damping", &PairLaw::tangential_damping,
+            {"-", "tangential dashpot over the normal one (linear), or over the one that matches the tangential spring (Hertz)"},
+            optional_key, "0.5 (linear), 1 (Hertz)"),
+      value("tangential_viscosity", &PairLaw::tangential_viscosity, {"N s/m", "dashpot of the viscous tangential law"}),
+      value("tangential_displacement", &PairLaw::tangential_displacement,
+            {"m", "displacement at which the power law reaches friction"}, optional_key, "1.5 mu F_N / k_t"),
+  }};
+  static const KeyTable<PairDraft> keys = inside(
+      &PairDraft::law, law,
+      {{value("between", &PairDraft::between, {"", "the two materials; without it: all pairs that no other entry names"},
+              optional_key, "all other pairs")}});
+  return keys;
+}
+
+const KeyTable<ContactDraft>& contact_keys() {
+  using Laws = ContactLaws;
+  static const KeyTable<Laws> laws{{
+      choice("normal", &Laws::normal, {{"linear", NormalLaw::linear}, {"hertz", NormalLaw::hertz}},
+             {"", "normal law: linear spring and dashpot, or Hertz with matching damping"}, "\"linear\""),
+      choice("tangential", &Laws::tangential,
+             {{"none", TangentialLaw::none}, {"viscous", TangentialLaw::viscous}, {"spring", TangentialLaw::spring},
+              {"mindlin", TangentialLaw::mindlin}, {"power", TangentialLaw::power}},
+             {"", "tangential law, under Coulomb's cap; mindlin with hertz only"}, "\"spring\""),
+      value("rotation", &Laws::rotation, {"", "false: grains do not rotate, and carry nothing for it"}),
+      planned<Laws>("rolling", "rolling resistance"),
+      planned<Laws>("cohesion", "cohesion"),
+  }};
+  static const KeyTable<ContactDraft> keys = inside(
+      &ContactDraft::laws, laws, {{tables("pair", &ContactDraft::pairs, pair_keys(), "parameters for pairs of materials")}});
+  return keys;
+}
+
+const KeyTable<RegionDraft>& region_keys() {
+  static const KeyTable<CylinderRegion> cylinder{{
+      value("base", &CylinderRegion::base, {"m", "centre of the lower end"}, required_key),
+      axis("axis", &CylinderRegion::axis, "direction of the axis"),
+      value("radius", &CylinderRegion::radius, {"m", "radius"}, required_key),
+      value("length", &CylinderRegion::length, {"m", "length along the axis"}, required_key),
+  }};
+  static const KeyTable<SphereRegion> sphere{{
+      value("centre", &SphereRegion::centre, {"m", "centre"}, required_key),
+      value("radius", &SphereRegion::radius, {"m", "radius"}, required_key),
+  }};
+  static const KeyTable<RegionDraft> keys{{
+      table("box", &RegionDraft::box, box_keys(), "none", "a box"),
+      table("cylinder", &RegionDraft::cylinder, cylinder, "none", "a cylinder along x, y or z"),
+      table("sphere", &RegionDraft::sphere, sphere, "none", "a sphere"),
+  }};
+  return keys;
+}
+
+Key<FillDraft> lattice_key() {
+  return {{"", "lattice", "\"cubic\" or \"hexagonal\"", "", "none", "grains in rows instead of at random"},
+          [](Reader& reader, const At& at, FillDraft& out) {
+            std::size_t index = 0;
+            if (reader.read_choice(at, {"cubic", "hexagonal"}, index))
+              out.lattice = index == 0 ? LatticeFill::Kind::cubic : LatticeFill::Kind::hexagonal;
+          }};
+}
+
+/// In two dimensions a place may be given by x and y; the grain then lies halfway through the domain.
+Key<FillDraft> positions_key() {
+  return {{"", "positions", "list of [x, y, z]", "m", "none", "centres of the grains, one by one; in two dimensions [x, y] will do"},
+          [](Reader& reader, const At& at, FillDraft& out) {
+            out.positions.emplace();
+            const Node* domain = reader.root().find("domain");
+            const Node* dimensions = domain ? domain->find("dimensions") : nullptr;
+            const bool is_flat = dimensions && dimensions->kind == Node::Kind::integer && dimensions->integer == 2;
+            reader.read_points(at, *out.positions, std::numeric_limits<double>::quiet_NaN(), is_flat);
+          }};
+}
+
+const KeyTable<FillDraft>& fill_keys() {
+  static const KeyTable<FillDraft> keys{{
+      table("region", &FillDraft::region, region_keys(), "the domain", "part of space to fill: one of box, cylinder, sphere"),
+      value("solid_fraction", &FillDraft::solid_fraction,
+            {"-", "random fill: volume of grains over volume of the region; this or count"}),
+      value("count", &FillDraft::count, {"-", "random fill: number of grains; lattice: at most so many"}),
+      lattice_key(),
+      value("spacing", &FillDraft::spacing, {"m", "lattice: distance between neighbours"}, optional_key,
+            "1.001 times the largest diameter"),
+      value("jitter", &FillDraft::jitter, {"-", "lattice: random displacement, 0 to 1, as a share of the free gap"}),
+      value("file", &FillDraft::file, {"", "list of grains: .csv (also .gz) with columns x, y, z and others, or .h5"}),
+      positions_key(),
+  }};
+  return keys;
+}
+
+const KeyTable<SizeDistribution>& distribution_keys() {
+  using Sizes = SizeDistribution;
+  static const KeyTable<Sizes> keys{{
+      choice("distribution", &Sizes::kind,
+             {{"uniform", Sizes::Kind::uniform}, {"normal", Sizes::Kind::normal}, {"lognormal", Sizes::Kind::lognormal},
+              {"list", Sizes::Kind::list}},
+             {"", "shape of the distribution by number"}, "none", required_key),
+      value("low", &Sizes::low, {"m", "smallest diameter; for normal and lognormal the distribution is cut there"}, optional_key,
+            "3 deviations below the mean, but at least a tenth of it"),
+      value("high", &Sizes::high, {"m", "largest diameter"}, optional_key, "3 deviations above the mean"),
+      value("mean", &Sizes::mean, {"m", "normal, lognormal: mean diameter"}, optional_key, "none"),
+      value("deviation", &Sizes::deviation, {"m", "normal, lognormal: standard deviation of the diameter"}, optional_key, "none"),
+      value("values", &Sizes::values, {"m", "list: diameters"}),
+      value("weights", &Sizes::weights, {"-", "list: shares by number"}, optional_key, "equal shares"),
+  }};
+  return keys;
+}
+
+/// Which keys go with which distribution, and the bounds where none are given.
+void complete_distribution(Reader& reader, const At& at, SizeDistribution& sizes) {
+  using Kind = SizeDistribution::Kind;
+  const auto has = [&](const char* key) { return at.node.find(key) != nullptr; };
+  const auto need = [&](const char* key) {
+    if (!has(key)) reader.complain_missing(at, key, distribution_keys().find(key)->doc);
+  };
+  const auto refuse = [&](const char* key, const char* word) {
+    if (const Node* found = at.node.find(key))
+      reader.complain(At{*found, at.place, &at, key}, fmt::format("does not go with distribution = \"{}\"", word));
+  };
+  const std::vector<const char*> moments = {"mean", "deviation"}, lists = {"values", "weights"}, bounds = {"low", "high"};
+  switch (sizes.kind) {
+    case Kind::uniform:
+      for (const char* key : bounds) need(key);
+      for (const char* key : moments) refuse(key, "uniform");
+      for (const char* key : lists) refuse(key, "uniform");
+      return;
+    case Kind::list:
+      need("values");
+      for (const char* key : bounds) refuse(key, "list");
+      for (const char* key : moments) refuse(key, "list");
+      return;
+    case Kind::single: return;  // the word was wrong, and was complained about
+    case Kind::normal:
+    case Kind::lognormal: break;
+  }
+  for (const char* key : moments) need(key);
+  for (const char* key : lists) refuse(key, sizes.kind == Kind::normal ? "normal" : "lognormal");
+  if (!(sizes.mean > 0.0) || !(sizes.deviation >= 0.0)) return;
+  double low = std::max(sizes.mean - 3.0 * sizes.deviation, 0.1 * sizes.mean);
+  double high = sizes.mean + 3.0 * sizes.deviation;
+  if (sizes.kind == Kind::lognormal) {
+    const double ratio = sizes.deviation / sizes.mean;
+    const double sigma = std::sqrt(std::log1p(ratio * ratio));
+    const double median = sizes.mean / std::sqrt(1.0 + ratio * ratio);
+    low = std::max(median * std::exp(-3.0 * sigma), 0.1 * sizes.mean);
+    high = median * std::exp(3.0 * sigma);
+  }
+  if (!has("low")) sizes.low = low;
+  if (!has("high")) sizes.high = high;
+}
+
+Key<ParticleDraft> diameter_key() {
+  KeyDoc doc{"", "diameter", "number, [low, high] or table", "m", "none",
+             "diameter of the grains: one, uniform between two, or a distribution; not needed where a file gives sizes"};
+  const auto read = [](Reader& reader, const At& at, ParticleDraft& out) {
+    SizeDistribution& sizes = out.group.diameter;
+    out.has_diameter = true;
+    if (at.node.kind == Node::Kind::table) {
+      distribution_keys().read(reader, at, sizes);
+      complete_distribution(reader, at, sizes);
+    } else if (at.node.kind == Node::Kind::list) {
+      std::vector<double> bounds;
+      if (!reader.read(at, "m", bounds)) return;
+      if (bounds.size() != 2) {
+        reader.complain(at, "expected a diameter [m], [low, high], or a table with a distribution");
+        return;
+      }
+      sizes.kind = SizeDistribution::Kind::uniform;
+      sizes.low = bounds[0];
+      sizes.high = bounds[1];
+    } else {
+      reader.read(at, "m", sizes.value);
+    }
+  };
+  return {doc, read, [](const std::string& section, std::vector<KeyDoc>& docs) { distribution_keys().describe(section, docs); }};
+}
+
+const KeyTable<ParticleDraft>& particle_keys() {
+  using Group = ParticleGroup;
+  static const KeyTable<Group> group{{
+      value("material", &Group::material, {"", "material of the grains; goes before that of a file"}, optional_key, "the file's, or the only one"),
+      value("velocity", &Group::velocity, {"m/s", "initial velocity"}),
+      value("velocity_deviation", &Group::velocity_deviation,
+            {"m/s", "standard deviation of each component of the velocity around it"}),
+      value("angular_velocity", &Group::angular_velocity, {"rad/s", "initial angular velocity"}),
+      value("seed", &Group::seed, {"-", "seed of everything that is random about the group"}),
+  }};
+  static const KeyTable<ParticleDraft> keys =
+      inside(&ParticleDraft::group, group,
+             {{diameter_key(),
+               table("fill", &ParticleDraft::fill, fill_keys(), "none",
+                     "where the grains are: solid_fraction or count in a region, lattice, file, or positions", required_key)}});
+  return keys;
+}
+
+const KeyTable<WallDraft>& wall_keys() {
+  static const KeyTable<PlaneShape> plane{{
+      value("point", &PlaneShape::point, {"m", "a point of the plane"}, required_key),
+      direction("normal", &PlaneShape::normal, "\"z\"", "the side on which the grains are"),
+  }};
+  static const KeyTable<CylinderShape> cylinder{{
+      value("base", &CylinderShape::base, {"m", "centre of one end"}, required_key),
+      direction("axis", &CylinderShape::axis, "\"z\"", "direction from the base to the other end"),
+      value("radius", &CylinderShape::radius, {"m", "radius"}, required_key),
+      value("length", &CylinderShape::length, {"m", "length along the axis"}, required_key),
+  }};
+  static const KeyTable<ConeShape> cone{{
+      value("base", &ConeShape::base, {"m", "centre of one end"}, required_key),
+      direction("axis", &ConeShape::axis, "\"z\"", "direction from the base to the other end"),
+      value("radius_base", &ConeShape::radius_base, {"m", "radius at the base"}, required_key),
+      value("radius_top", &ConeShape::radius_top, {"m", "radius at the other end"}, required_key),
+      value("length", &ConeShape::length, {"m", "length along the axis"}, required_key),
+  }};
+  static const KeyTable<DiscShape> disc{{
+      value("centre", &DiscShape::centre, {"m", "centre"}, required_key),
+      direction("normal", &DiscShape::normal, "\"z\"", "normal of the disc"),
+      value("radius", &DiscShape::radius, {"m", "outer radius"}, required_key),
+      value("hole_radius", &DiscShape::hole_radius, {"m", "radius of the hole in the middle"}),
+  }};
+  static const KeyTable<MeshDraft> mesh{{
+      value("file", &MeshDraft::file, {"", "STL or OBJ file"}, required_key),
+      value("scale", &MeshDraft::scale, {"-", "factor on all coordinates of the file; 0.001 for millimetres"}),
+      value("translate", &MeshDraft::translate, {"m", "displacement, after scaling"}),
+  }};
+  using Wall = WallDefinition;
+  static const KeyTable<Wall> wall{{
+      value("name", &Wall::name, {"", "name by which probes refer to it"}, required_key),
+      value("material", &Wall::material, {"", "material of the wall; not needed by symmetry planes"}, optional_key,
+            "the only material"),
+      value("frictionless", &Wall::frictionless, {"", "true: no tangential force"}),
+      value("symmetry", &Wall::symmetry, {"", "true: a mirror (planes only); grains meet their own image"}),
+      value("from", &Wall::from, {"s", "the wall exists from this time ..."}),
+      value("until", &Wall::until, {"s", "... until this time"}),
+      planned<Wall>("motion", "prescribed motion"),
+  }};
+  static const KeyTable<WallDraft> keys = inside(
+      &WallDraft::wall, wall,
+      {{table("plane", &WallDraft::plane, plane, "none", "an infinite plane; touched from the side of its normal"),
+        table("box", &WallDraft::box, box_keys(), "none", "six planes that face inwards; {} is the whole domain"),
+        table("cylinder", &WallDraft::cylinder, cylinder, "none", "the lateral surface of a cylinder"),
+        table("cone", &WallDraft::cone, cone, "none", "the lateral surface of a truncated cone"),
+        table("disc", &WallDraft::disc, disc, "none", "a flat disc, with a hole or without"),
+        table("mesh", &WallDraft::mesh, mesh, "none", "triangles from a file")}});
+  return keys;
+}
+
+const KeyTable<OutletDraft>& outlet_keys() {
+  static const Key<OutletDraft> face{
+      {"", "face", "\"x-low\", \"x-high\", \"y-low\", \"y-high\", \"z-low\" or \"z-high\"", "", "none",
+       "a face of the domain: grains leave as their centre passes it"},
+      [](Reader& reader, const At& at, OutletDraft& out) {
+        std::size_t index = 0;
+        if (reader.read_choice(at, {"x-low", "x-high", "y-low", "y-high", "z-low", "z-high"}, index))
+          out.face = static_cast<int>(index);
+      }};
+  static const KeyTable<OutletDraft> keys{{
+      value("name", &OutletDraft::name, {"", "name"}, required_key),
+      face,
+      table("box", &OutletDraft::box, box_keys(), "none", "grains leave as their centre enters it"),
+  }};
+  return keys;
+}
+
+const KeyTable<ProbeDraft>& probe_keys() {
+  using Kind = Probe::Kind;
+  static const KeyTable<Probe> probe{{
+      choice("kind", &Probe::kind,
+             {{"energy", Kind::energy}, {"wall_force", Kind::wall_force}, {"wall_pressure", Kind::wall_pressure},
+              {"region", Kind::region}, {"mass", Kind::mass}, {"profile", Kind::profile}, {"contacts", Kind::contacts}},
+             {"", "what is recorded"}, "none", required_key),
+      value("name", &Probe::name, {"", "name of the CSV file, without ending"}, optional_key, "the kind"),
+      value("wall", &Probe::wall, {"", "wall_force, wall_pressure: name of the wall"}),
+      axis("axis", &Probe::axis, "wall_pressure, profile: direction along which it is cut into slices"),
+      value("bins", &Probe::bins, {"-", "wall_pressure, profile: number of slices"}),
+      value("interval", &Probe::interval, {"s", "time between two rows"}, required_key),
+  }};
+  static const KeyTable<ProbeDraft> keys =
+      inside(&ProbeDraft::probe, probe,
+             {{table("region", &ProbeDraft::region, box_keys(), "the domain", "region, profile: the box that is looked at")}});
+  return keys;
+}
+
+const KeyTable<SceneDraft>& scene_table();
+
+Key<SceneDraft> output_key() {
+  using Out = Output;
+  static const KeyTable<Out> keys{{
+      value("directory", &Out::directory, {"", "where the results go"}, optional_key, "runs/NAME of the scene file"),
+      value("snapshots", &Out::snapshot_interval, {"s", "simulated time between snapshots; 0: the last state only"}),
+      value("checkpoints", &Out::checkpoint_interval, {"s", "simulated time between checkpoints; 0: at the end and on signals only"}),
+      value("checkpoints_kept", &Out::checkpoints_kept, {"-", "number of checkpoints kept"}),
+      value("fields", &Out::fields, {"", "fields of snapshots"}, optional_key, "all that describe the state"),
+      value("energy", &Out::energy, {"", "keep the energy ledger; on where a probe needs it"}),
+  }};
+  return {{"", "output", "table", "", "none", "what is written, and when"},
+          [](Reader& reader, const At& at, SceneDraft& out) {
+            keys.read(reader, at, out.output);
+            if (at.node.find("energy")) out.energy = out.output.energy;
+          },
+          [](const std::string& section, std::vector<KeyDoc>& docs) { keys.describe(section, docs); }};
+}
+
+const KeyTable<RunControl>& run_keys() {
+  static const KeyTable<RunControl> keys{{
+      value("layout", &RunControl::layout, {"", "\"auto\", or ranks x threads such as \"1x4\""}),
+      choice("precision", &RunControl::precision, {{"double", Precision::double_}, {"mixed", Precision::mixed}},
+             {"", "precision of contact forces (mixed is not available yet in this version)"}, "\"double\""),
+      value("skin", &RunControl::skin, {"m", "range beyond contact in which pairs are kept; 0: chosen"}),
+      value("max_overlap", &RunControl::max_overlap, {"-", "overlap over the smaller radius at which the run stops"}),
+      planned<RunControl>("balance", "balance between ranks"),
+  }};
+  return keys;
+}
+
+const KeyTable<SceneDraft>& scene_table() {
+  static const KeyTable<SceneDraft> keys{{
+      value("title", &SceneDraft::title, {"", "a line about the scene"}),
+      table("domain", &SceneDraft::domain, domain_keys(), "none", "the space of the scene", required_key),
+      table("time", &SceneDraft::time, time_keys(), "none", "how long, in which steps, and what acts on every grain", required_key),
+      tables("material", &SceneDraft::materials, material_keys(), "materials of grains and walls", required_key),
+      table("contact", &SceneDraft::contact, contact_keys(), "none", "contact laws and their parameters"),
+      tables("particles", &SceneDraft::particles, particle_keys(), "groups of grains", required_key),
+      tables("wall", &SceneDraft::walls, wall_keys(), "walls; each has exactly one shape"),
+      tables("outlet", &SceneDraft::outlets, outlet_keys(), "where grains leave: a face of the domain, or a box"),
+      output_key(),
+      tables("probe", &SceneDraft::probes, probe_keys(), "time series, each written to a CSV file"),
+      table("run", &SceneDraft::run, run_keys(), "none", "how it is run; results do not depend on it"),
+      planned<SceneDraft>("gas", "gas"),
+      planned<SceneDraft>("inlet", "inlets"),
+  }};
+  return keys;
+}
+
+}  // namespace
+
+const std::vector<KeyDoc>& all_keys() {
+  static const std::vector<KeyDoc> docs = [] {
+    std::vector<KeyDoc> out;
+    scene_table().describe("", out);
+    return out;
+  }();
+  return docs;
+}
+
+SceneDraft read_draft(Reader& reader) {
+  SceneDraft draft;
+  scene_table().read(reader, At{reader.root(), reader.root().begin}, draft);
+  return draft;
+}
+
+}  // namespace moraine::scene_toml
+
+namespace moraine {
+
+std::string scene_key_reference() {
+  using scene_toml::KeyDoc;
+  std::string out = "# Keys of a scene file\n\nGenerated from the table that reads them. SI units everywhere. A key is required where its default is \"required\".\n";
+  const auto escaped = [](const std::string& text) {
+    std::string cell;
+    for (const char c : text) cell += c == '|' ? std::string("\\|") : std::string(1, c);
+    return cell;
+  };
+  const std::string* section = nullptr;
+  for (const KeyDoc& doc : scene_toml::all_keys()) {
+    if (!section || *section != doc.section) {
+      out += doc.section.empty() ? "\n## At the top\n" : fmt::format("\n## {}\n", doc.section);
+      out += "\n| key | type | unit | default | meaning |\n|---|---|---|---|---|\n";
+      section = &doc.section;
+    }
+    out += fmt::format("| `{}` | {} | {} | {} | {} |\n", doc.name, escaped(doc.type), doc.unit,
+                       doc.is_required ? "required" : escaped(doc.preset), escaped(doc.meaning));
+  }
+  return out;
+}
+
+}  // namespace moraine

@@ -1,0 +1,91 @@
+// The same bits whatever the layout: threads, skin, what is written and counted beside.
+#include <catch2/catch.hpp>
+
+#include <set>
+
+#include "tests/invariance/scenes.hpp"
+#include "tests/invariance/trace.hpp"
+
+using namespace moraine;
+
+namespace {
+
+constexpr int every = 250;
+
+}  // namespace
+
+TEST_CASE("a scene gives the same hashes, probes and energies on 1, 2, 3, 4 and 7 threads") {
+  for (auto& [name, scene, n_steps] : scenes::all()) {
+    scene.output.energy = true;
+    const std::vector<trace::Moment> one = trace::record(scene, 1, n_steps, every);
+    std::set<std::string> hashes;
+    for (const trace::Moment& moment : one) hashes.insert(moment.hash);
+    CHECK(hashes.size() == one.size());
+    for (const int n_threads : {2, 3, 4, 7}) {
+      INFO(name << ", " << n_threads << " threads");
+      CHECK(trace::difference(one, trace::record(scene, n_threads, n_steps, every)) == "");
+    }
+  }
+}
+
+TEST_CASE("the skin changes how often the list is rebuilt, and no bit of the state, the probes or the energies") {
+  for (auto& [name, scene, n_steps] : scenes::all()) {
+    scene.output.energy = true;
+    const int n = n_steps / 2;
+    const std::vector<trace::Moment> chosen = trace::record(scene, 2, n, every);
+    std::vector<std::uint64_t> rebuilds;
+    for (const double skin : {0.02, 0.3, 1.0}) {
+      INFO(name << ", skin " << skin << " diameters");
+      scene.run.skin = skin * scenes::d;
+      Simulation simulation(scene, 3);
+      CHECK(trace::difference(chosen, trace::record(simulation, n, every)) == "");
+      rebuilds.push_back(simulation.n_rebuilds());
+    }
+    CHECK(rebuilds.front() > rebuilds.back());
+  }
+}
+
+TEST_CASE("keeping the energy ledger changes no bit of the state") {
+  for (auto& [name, scene, n_steps] : scenes::all()) {
+    INFO(name);
+    const int n = n_steps / 2;
+    scene.output.energy = false;
+    std::vector<trace::Moment> without = trace::record(scene, 2, n, every);
+    scene.output.energy = true;
+    std::vector<trace::Moment> with = trace::record(scene, 2, n, every);
+    for (trace::Moment& moment : with) moment.ledger.values.clear();
+    CHECK(trace::difference(without, with) == "");
+  }
+}
+
+TEST_CASE("looking at a run changes no bit of it") {
+  for (auto& [name, scene, n_steps] : scenes::all()) {
+    INFO(name);
+    const int n = n_steps / 2;
+    scene.output.energy = true;
+    Simulation watched(scene, 3);
+    for (int i = 0; i < n; ++i) {
+      watched.step();
+      if (i % 7 == 0) trace::look(watched);
+      if (i % 11 == 0) watched.checkpoint();
+    }
+    scene.output.probes.clear();
+    scene.output.fields = {"force"};
+    Simulation alone(scene, 3);
+    for (int i = 0; i < n; ++i) alone.step();
+    CHECK(watched.state_hash() == alone.state_hash());
+    CHECK(trace::ledger_bits(watched.energy()) == trace::ledger_bits(alone.energy()));
+  }
+}
+
+TEST_CASE("grains born are those inside and those that have left, at every output") {
+  std::uint64_t most_left = 0;
+  for (auto& [name, scene, n_steps] : scenes::all()) {
+    INFO(name);
+    for (const trace::Moment& moment : trace::record(scene, 3, n_steps, 50)) {
+      REQUIRE(moment.n_born == moment.n_inside + moment.n_left);
+      most_left = std::max(most_left, moment.n_left);
+    }
+  }
+  CHECK(most_left > 20);
+}

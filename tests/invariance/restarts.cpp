@@ -1,0 +1,70 @@
+// A run that goes on from a checkpoint is the run that was never broken.
+#include <catch2/catch.hpp>
+
+#include "tests/invariance/scenes.hpp"
+#include "tests/invariance/trace.hpp"
+
+using namespace moraine;
+
+TEST_CASE("a run restored from a checkpoint on other threads is the unbroken run, bit by bit") {
+  for (auto& [name, scene, n_steps] : scenes::all()) {
+    scene.output.energy = true;
+    Simulation unbroken(scene, 2);
+    for (const int n_threads : {1, 3, 7}) {
+      INFO(name << ", to " << n_threads << " threads");
+      for (int i = 0; i < n_steps / 4; ++i) unbroken.step();
+      const Image image = unbroken.checkpoint();
+      Simulation restored(scene, n_threads, image);
+      CHECK(trace::difference(image, restored.checkpoint()) == "");
+      CHECK(trace::difference(trace::record(unbroken, n_steps / 12, 100), trace::record(restored, n_steps / 12, 100)) == "");
+      CHECK(trace::difference(unbroken.checkpoint(), restored.checkpoint()) == "");
+    }
+  }
+}
+
+TEST_CASE("a run that is broken and restored at every step is the unbroken run, bit by bit") {
+  for (auto& [name, scene, n_steps] : scenes::all()) {
+    scene.output.energy = true;
+    INFO(name);
+    Simulation unbroken(scene, 1);
+    for (int i = 0; i < n_steps * 2 / 3; ++i) unbroken.step();
+    Simulation broken(scene, 1, unbroken.checkpoint());
+    for (int i = 0; i < 250; ++i) {
+      unbroken.step();
+      broken.step();
+      const Image image = broken.checkpoint();
+      const Image expected = unbroken.checkpoint();
+      INFO("step " << unbroken.step_number());
+      REQUIRE(trace::difference(expected, image) == "");
+      REQUIRE_NOTHROW(broken = Simulation(scene, 1 + i % 4, image));
+      REQUIRE(trace::difference(expected, broken.checkpoint()) == "");
+    }
+    CHECK(trace::ledger_bits(unbroken.energy()) == trace::ledger_bits(broken.energy()));
+  }
+}
+
+TEST_CASE("a run restored while its gate opens and grains leave through the outlet is the unbroken run, bit by bit") {
+  for (Scene scene : {scenes::hopper(0.02), scenes::flat()}) {
+    scene.output.energy = true;
+    Simulation unbroken(scene, 3);
+    for (int i = 0; i < 480; ++i) unbroken.step();
+    Simulation broken(scene, 2, unbroken.checkpoint());
+    std::uint64_t left = unbroken.n_left();
+    int n_times = 0;
+    for (int i = 0; i < 4500; ++i) {
+      unbroken.step();
+      broken.step();
+      const bool has_left = unbroken.n_left() != left;
+      left = unbroken.n_left();
+      if (!has_left && i > 40) continue;
+      ++n_times;
+      const Image image = unbroken.checkpoint();
+      INFO("step " << unbroken.step_number());
+      REQUIRE(trace::difference(image, broken.checkpoint()) == "");
+      REQUIRE_NOTHROW(broken = Simulation(scene, 1 + i % 3, image));
+      REQUIRE(trace::difference(image, broken.checkpoint()) == "");
+    }
+    CHECK(left > 10);
+    CHECK(trace::difference(unbroken.checkpoint(), broken.checkpoint()) == "");
+  }
+}

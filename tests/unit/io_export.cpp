@@ -1,0 +1,220 @@
+#include <algorithm>
+#include <catch2/catch.hpp>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+
+#include "io/checkpoint/durable_file.hpp"
+#include "io/export/camera.hpp"
+#include "io/export/colour_map.hpp"
+#include "io/export/csv.hpp"
+#include "io/export/export.hpp"
+#include "io/export/grain_values.hpp"
+#include "io/export/povray.hpp"
+#include "io/export/povray_walls.hpp"
+#include "io/export/render.hpp"
+#include "io/export/vtk.hpp"
+#include "io/snapshot/series.hpp"
+#include "tests/unit/io_images.hpp"
+
+using namespace moraine;
+using moraine::testing::make_image;
+using moraine::testing::TemporaryDirectory;
+namespace fs = std::filesystem;
+
+namespace {
+
+std::vector<std::string> split(const std::string& text, char at) {
+  std::vector<std::string> parts;
+  std::istringstream stream(text);
+  for (std::string part; std::getline(stream, part, at);) parts.push_back(part);
+  return parts;
+}
+
+std::size_t count(const std::string& text, const std::string& word) {
+  std::size_t n = 0;
+  for (std::size_t at = text.find(word); at != std::string::npos; at = text.find(word, at + 1)) ++n;
+  return n;
+}
+
+/// A run directory with a few snapshots, without a scene.
+void make_run(const fs::path& run) {
+  SnapshotSeries series(run);
+  for (const std::uint64_t step : {0u, 100u, 200u}) series.add(make_image(30, step, step + 1));
+}
+
+}  // namespace
+
+TEST_CASE("a CSV export has one row a grain, gid first, and numbers that read back to the same bits") {
+  const Image image = make_image(25);
+  const std::vector<std::string> lines = split(csv_text(image), '\n');
+  REQUIRE(lines.size() == 26);
+  const std::vector<std::string> header = split(lines[0], ',');
+  CHECK(header[0] == "gid");
+  const auto column = std::find(header.begin(), header.end(), "velocity.y [m/s]") - header.begin();
+  for (std::size_t i = 0; i < 25; ++i) {
+    const std::vector<std::string> cells = split(lines[i + 1], ',');
+    REQUIRE(cells.size() == header.size());
+    CHECK(cells[0] == std::to_string(image.find(Field::gid)->gids[i]));
+    CHECK(std::stod(cells[static_cast<std::size_t>(column)]) == image.find(Field::velocity)->reals[3 * i + 1]);
+  }
+}
+
+TEST_CASE("a VTK export holds positions and fields at the offsets that its header names") {
+  const Image image = make_image(25);
+  const std::string text = vtp_text(image);
+  const std::size_t data = text.find("encoding=\"raw\">\n_") + 17;
+  for (const auto& [name, expected] : {std::pair("position", &image.find(Field::position)->reals), std::pair("radius", &image.find(Field::radius)->reals)}) {
+    const std::size_t row = text.find(std::string("Name=\"") + name + '"');
+    REQUIRE(row != std::string::npos);
+    const std::size_t offset = std::stoull(text.substr(text.find("offset=\"", row) + 8));
+    std::uint64_t length = 0;
+    std::memcpy(&length, text.data() + data + offset, sizeof length);
+    REQUIRE(length == expected->size() * sizeof(double));
+    CHECK(std::memcmp(text.data() + data + offset + sizeof length, expected->data(), length) == 0);
+  }
+  CHECK(text.find("NumberOfPoints=\"25\" NumberOfVerts=\"25\"") != std::string::npos);
+}
+
+TEST_CASE("pictures are coloured by any field, its length or component, or by what follows from it") {
+  const Image image = make_image(10);
+  const std::vector<double>& v = image.find(Field::velocity)->reals;
+  CHECK(grain_values(image, "speed").label == "speed [m/s]");
+  CHECK(grain_values(image, "speed").values[4] == Approx(std::sqrt(v[12] * v[12] + v[13] * v[13] + v[14] * v[14])));
+  CHECK(grain_values(image, "velocity").values == grain_values(image, "speed").values);
+  CHECK(grain_values(image, "velocity.z").values[4] == v[14]);
+  CHECK(grain_values(image, "diameter").values[3] == 2 * image.find(Field::radius)->reals[3]);
+  CHECK(grain_values(image, "gid").values[3] == 10);
+  CHECK(grain_values(image, "material").label == "material");
+  for (const char* name : {"colour", "radius.x", "velocity.w", ""})
+    CHECK_THROWS_WITH(grain_values(image, name), Catch::Contains("is not in the snapshot; it has position") && Catch::Contains("speed"));
+}
+
+TEST_CASE("the range of colours leaves out the few fastest grains and whatever is not a number") {
+  std::vector<double> values(1000, 0.0);
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = 10.0 + static_cast<double>(i) / 1000.0;
+  values[0] = 1e9;
+  values[1] = std::nan("");
+  const auto [low, high] = usual_range(values);
+  CHECK(low == Approx(10.0).margin(0.02));
+  CHECK(high == Approx(11.0).margin(0.02));
+  CHECK(usual_range({}).second == 0.0);
+}
+
+TEST_CASE("the colours run from dark to light without a step back") {
+  double last = 0.0;
+  for (int i = 0; i <= 100; ++i) {
+    const Colour c = viridis(i / 100.0);
+    const double light = 0.2126 * c.red + 0.7152 * c.green + 0.0722 * c.blue;
+    CHECK(light > last);
+    last = light;
+  }
+  CHECK(viridis(-3).blue == viridis(0).blue);
+  CHECK(viridis(std::nan("")).blue == viridis(0).blue);
+}
+
+TEST_CASE("the camera sees the whole box and leaves the legend its place, from any side and for any shape of box and picture") {
+  for (const Vec3 size : {Vec3{1, 1, 1}, Vec3{1, 1, 30}, Vec3{100, 1, 1}, Vec3{1e-3, 2e-3, 0}})
+    for (const double azimuth : {-62.0, 0.0, 135.0})
+      for (const double elevation : {18.0, 90.0, -30.0})
+        for (const double aspect : {1.0, 1.78, 0.6})
+          for (const bool is_parallel : {false, true}) {
+            const Box box{{5, 6, 7}, Vec3{5, 6, 7} + size};
+            const Camera camera = frame_box(box, azimuth, elevation, aspect, 0.1, is_parallel);
+            double left = 1e9, right = -1e9, bottom = 1e9, top = -1e9;
+            for (int i = 0; i < 8; ++i) {
+              const Vec3 p = camera.project({(i & 1) != 0 ? box.high.x : box.low.x, (i & 2) != 0 ? box.high.y : box.low.y,
+                                             (i & 4) != 0 ? box.high.z : box.low.z});
+              left = std::min(left, p.x), right = std::max(right, p.x), bottom = std::min(bottom, p.y), top = std::max(top, p.y);
+              CHECK(p.z > 0.0);
+            }
+            INFO("size " << size.x << ' ' << size.y << ' ' << size.z << " from " << azimuth << ' ' << elevation);
+            CHECK(left > -1.0);
+            CHECK(right < 0.85);
+            CHECK(bottom > -1.0);
+            CHECK(top < 1.0);
+            CHECK(std::abs(dot(cross(camera.ahead, camera.up), camera.right) - 1.0) < 1e-12);
+          }
+}
+
+TEST_CASE("a POV-Ray scene has a sphere for each grain, the walls that exist at its time, and a legend") {
+  const Image image = make_image(40);
+  Scene scene;
+  scene.domain = {image.domain.low, image.domain.high};
+  scene.walls.push_back({"floor", "", PlaneShape{{0, 0, 0}, {0, 0, 1}}});
+  scene.walls.push_back({"gone", "", DiscShape{{1, 0, 1}, {0, 0, 1}, 0.5}, false, false, 0.0, 0.001});
+  scene.walls.push_back({"mirror", "", PlaneShape{{0, 0, 0}, {1, 0, 0}}, true, true});
+  scene.walls.push_back({"funnel", "", ConeShape{{1, 0, 0.5}, {0, 0, 1}, 0.1, 0.6, 1.0}});
+  const std::string text = povray_text(image, &scene, {});
+  CHECK(count(text, "sphere {") == 40);
+  CHECK(text.find("// wall floor") != std::string::npos);
+  CHECK(text.find("// wall funnel") != std::string::npos);
+  CHECK(text.find("// wall gone") == std::string::npos);
+  CHECK(text.find("// wall mirror") == std::string::npos);
+  CHECK(text.find("speed [m/s]") != std::string::npos);
+  CHECK(text.find("40 grains") != std::string::npos);
+}
+
+TEST_CASE("frames are counted from the first, or from the last by negative numbers") {
+  const TemporaryDirectory run;
+  make_run(run.path());
+  const Frames frames = find_frames(run.path());
+  CHECK(frame_label(frames.at(0)) == "000000000000");
+  CHECK(frame_label(frames.at(-1)) == "000000000200");
+  CHECK(frames.at(1) == frames.at(-2));
+  CHECK_THROWS_WITH(frames.at(3), Catch::Contains("frame 3 does not exist") && Catch::Contains("frames 0 to 2"));
+  CHECK_THROWS_AS(frames.at(-4), ExportError);
+  CHECK_THROWS_WITH(find_frames(run.path() / "nowhere"), Catch::Contains("does not exist"));
+  CHECK_THROWS_WITH(find_frames(run.path() / "snapshots"), Catch::Contains("holds no snapshots"));
+}
+
+TEST_CASE("an export writes every frame, and the file that strings them together") {
+  const TemporaryDirectory run;
+  make_run(run.path());
+  export_run({run.path(), ExportKind::vtk, std::nullopt, "speed", std::nullopt});
+  const std::string series = read_file(run.path() / "vtk" / "grains.pvd");
+  CHECK(count(series, "<DataSet") == 3);
+  CHECK(series.find("timestep=\"0.02\" part=\"0\" file=\"grains_000000000200.vtp\"") != std::string::npos);
+  CHECK(fs::exists(run.path() / "vtk" / "grains_000000000100.vtp"));
+  export_run({run.path(), ExportKind::csv, 1, "speed", run.path() / "tables"});
+  CHECK(read_file(run.path() / "tables" / "times.csv") == "time [s],file\n0.01,grains_000000000100.csv\n");
+  CHECK_THROWS_AS(export_run({run.path(), ExportKind::povray, 0, "colour", std::nullopt}), ExportError);
+}
+
+TEST_CASE("a picture is made of a snapshot by POV-Ray") {
+  if (std::system("command -v povray >/dev/null 2>&1") != 0) {
+    WARN("skipped: no povray");
+    return;
+  }
+  const TemporaryDirectory run;
+  make_run(run.path());
+  RenderRequest request;
+  request.run = run.path();
+  request.size = "64x48";
+  render_run(request);
+  const std::string picture = read_file(run.path() / "pictures" / "000000000200.png");
+  CHECK(picture.starts_with("\x89PNG"));
+  CHECK(static_cast<unsigned char>(picture[19]) == 64);  // width and height in the header of the file
+  CHECK(static_cast<unsigned char>(picture[23]) == 48);
+}
+
+TEST_CASE("a missing POV-Ray, a size, a frame or a field that cannot be is named") {
+  const TemporaryDirectory run;
+  make_run(run.path());
+  RenderRequest request;
+  request.run = run.path();
+  for (const char* size : {"", "100", "100x", "0x0", "100x100x100", "100000x100"}) {
+    request.size = size;
+    CHECK_THROWS_WITH(render_run(request), Catch::Contains("expected WIDTHxHEIGHT"));
+  }
+  request.size = "64x48";
+  request.frame = "last";
+  CHECK_THROWS_WITH(render_run(request), Catch::Contains("frame \"last\""));
+  request.frame = "0";
+  const std::string path = std::getenv("PATH");
+  setenv("PATH", "/nowhere", 1);
+  CHECK_THROWS_WITH(render_run(request), Catch::Contains("povray is not installed") && Catch::Contains("apt-get install povray"));
+  setenv("PATH", path.c_str(), 1);
+}
