@@ -292,7 +292,7 @@ void say_what_runs(const Scene& scene, const Simulation& simulation, const Start
 int run_scene(const RunRequest& request, Log& log) {
   const WallClock clock;
   std::vector<SceneMessage> warnings;
-  const Scene scene = read_scene(request.scene_file, request.overrides, &warnings);
+  Scene scene = read_scene(request.scene_file, request.overrides, &warnings);
   const RunRecord record{scene_as_run(request.scene_file, request.overrides), program_version(), program_commit()};
   const Layout layout = parse_layout(request.layout.value_or(scene.run.layout));
   for (const SceneMessage& warning : warnings) log.warn(warning.text());
@@ -303,6 +303,7 @@ int run_scene(const RunRequest& request, Log& log) {
   const MadeDirectories made(start.directory);  // before the scene is filled: a place that cannot be written is found at once
   try {
     Simulation simulation = make_simulation(scene, layout, start);
+    scene.particles.clear();  // lists of start positions weigh as much as the grains
     log.open(start.directory / "log.txt");
     log.note(program_identity());
     write_record(start, record, layout, log);
