@@ -67,8 +67,9 @@ MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Ran
     double* const record = sums.records + std::int64_t{i} * stride;
     const Quad v_old = load_quad(record + 4);
     const Quad acceleration = fma(sum.force, last_of(v_old), gravity) * moves;
-    const Quad v_new = fma(acceleration, gain, v_old * keep);
     const Quad x_old = load_quad(record);
+    // a grain that has left the scene lies nowhere and does not fall on
+    const Quad v_new = where_number(x_old, fma(acceleration, gain, v_old * keep));
     const Quad x_new = fma(v_new, drift, x_old);
     store_quad(record + 4, with_last(v_new, v_old));
     store_quad(record, with_last(x_new, x_old));

@@ -126,6 +126,8 @@ HWY_INLINE Quad or_outside(Quad seen, Quad x, Quad low, Quad high) {
   const auto outside = hn::Or(hn::Lt(x.v, low.v), hn::Ge(x.v, high.v));
   return {hn::Or(seen.v, hn::VecFromMask(QuadTag(), outside))};
 }
+/// a where x is a number, zero where it is not.
+HWY_INLINE Quad where_number(Quad x, Quad a) { return {hn::IfThenElseZero(hn::Eq(x.v, x.v), a.v)}; }
 HWY_INLINE bool any_set(Quad seen) {
   return !hn::AllFalse(QuadTag(), hn::MaskFromVec(seen.v));
 }
@@ -218,6 +220,7 @@ HWY_INLINE Quad flip_sign(Quad a, std::uint64_t flip) { return flip ? each([&](i
 HWY_INLINE Quad or_outside(Quad seen, Quad x, Quad low, Quad high) {
   return each([&](int k) { return x.v[k] < low.v[k] || x.v[k] >= high.v[k] ? 1.0 : seen.v[k]; });
 }
+HWY_INLINE Quad where_number(Quad x, Quad a) { return each([&](int k) { return x.v[k] == x.v[k] ? a.v[k] : 0.0; }); }
 HWY_INLINE bool any_set(Quad seen) { return seen.v[0] != 0 || seen.v[1] != 0 || seen.v[2] != 0 || seen.v[3] != 0; }
 
 template <typename Pointer>

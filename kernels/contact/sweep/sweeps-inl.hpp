@@ -51,7 +51,7 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
   Constants c{};
   if constexpr (is_uniform)
     c = make_constants<normal, tangential, has_rotation>({sweep.table, nullptr}, Lanes(2.0 * sweep.inverse_mass),
-                                                         Lanes(1.0 / sweep.radius) + Lanes(1.0 / sweep.radius), sweep.dt);
+                                                         Lanes((sweep.radius + sweep.radius) / (sweep.radius * sweep.radius)), sweep.dt);
   for (std::int64_t k = pairs.begin; k < pairs.end; k += n_lanes, slots += slot * n_lanes) {
     const std::int32_t* const ia = sweep.a + k;
     const std::int32_t* const ib = sweep.b + k;
@@ -117,8 +117,9 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
     const auto at_slot = [&](int offset) HWY_ATTR { return [=](int lane) HWY_ATTR { return slots + lane * slot + offset; }; };
     if constexpr (has_rotation) {
       const Lanes3 moment = keep_if(touches, cross(m.normal, f.tangential));
-      store_records(at_slot(0), Lanes4{force.x, force.y, force.z, arm_a});
-      store_records(at_slot(4), Lanes4{moment.x, moment.y, moment.z, arm_b});
+      // a grain that has left lies nowhere, and its arm is not a number
+      store_records(at_slot(0), Lanes4{force.x, force.y, force.z, keep_if(touches, arm_a)});
+      store_records(at_slot(4), Lanes4{moment.x, moment.y, moment.z, keep_if(touches, arm_b)});
     } else {
       store_records(at_slot(0), Lanes4{force.x, force.y, force.z, Lanes(0.0)});
     }
