@@ -23,18 +23,18 @@ HWY_INLINE void clear_slots(double* slots) {
   for (int k = 0; k < slot_size(has_rotation, has_ledger); ++k) store(slots + k * n_lanes, zero);
 }
 
-/// Shift of each lane's pair to the periodic image that it touches; rare, so lanes are taken one by one.
+/// Separation from the periodic image that each lane's pair is about; most groups have none.
 HWY_INLINE Lanes3 add_image_shift(const PairSweep& sweep, std::int64_t k, Lanes3 d) {
+  std::uint8_t seen = 0;
+  for (int lane = 0; lane < n_lanes; ++lane) seen = static_cast<std::uint8_t>(seen | sweep.image[k + lane]);
+  if (seen == 0) return d;
   alignas(64) double shift[3][n_lanes];
   alignas(64) double has_shift[n_lanes];
-  bool is_any = false;
   for (int lane = 0; lane < n_lanes; ++lane) {
     const std::uint8_t code = sweep.image[k + lane];
-    is_any = is_any || code != 0;
     has_shift[lane] = code != 0 ? 1.0 : 0.0;
     for (int axis = 0; axis < 3; ++axis) shift[axis][lane] = sweep.image_shift[code][axis];
   }
-  if (!is_any) return d;
   const LaneMask shifted = load(has_shift) > Lanes(0.0);
   return select(shifted, Lanes3{d.x + load(shift[0]), d.y + load(shift[1]), d.z + load(shift[2])}, d);
 }
