@@ -42,6 +42,7 @@ std::array<int, 3> Cells::cell_of(Vec3 p) const {
 
 void Cells::sort(const Particles& particles, const Box& domain, const std::array<bool, 3>& periodic, double reach,
                  int n_threads) {
+  reach_ = reach;
   const std::int32_t n = particles.size();
   Box box = bounds_of(particles, n_threads);
   if (box.low.x > box.high.x) box = {domain.low, domain.low};

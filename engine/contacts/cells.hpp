@@ -51,6 +51,8 @@ class Cells {
   int runs_after(std::int32_t i, Run* runs) const;
   static constexpr int max_runs = 27;
 
+  /// Centres may come nearer than this [m].
+  double reach() const { return reach_; }
   /// Number of cells along the slow, middle and fast axis.
   const std::array<int, 3>& counts() const { return counts_; }
   std::size_t memory() const;
@@ -60,6 +62,7 @@ class Cells {
   std::array<int, 3> axes_{0, 1, 2};  // which axis is slow, middle, fast
   std::array<int, 3> counts_{1, 1, 1};
   std::array<bool, 3> wraps_{};       // by role
+  double reach_ = 0.0;
   Vec3 low_;
   Vec3 inverse_width_;
   std::vector<std::int32_t> order_;

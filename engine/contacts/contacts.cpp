@@ -25,15 +25,15 @@ LawChoice choose_laws(const Scene& scene, bool is_uniform) {
 
 }  // namespace
 
-Contacts::Contacts(const Scene& scene, const Walls& walls, bool is_uniform, double inverse_mass, double radius)
+Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind)
     : domain_(scene.domain.box()),
       periodic_(scene.domain.periodic),
-      choice_(choose_laws(scene, is_uniform)),
       laws_(scene),
+      choice_(choose_laws(scene, kind.is_uniform && laws_.n_pair_species == 1)),  // uniform: all pairs go by row 0
       kernels_(contact_kernels(choice_)),
       motion_(motion_kernel(choice_.has_rotation, choice_.has_ledger)),
-      uniform_inverse_mass_(inverse_mass),
-      uniform_radius_(radius),
+      uniform_inverse_mass_(kind.inverse_mass),
+      largest_radius_(kind.largest_radius),
       max_overlap_(scene.run.max_overlap),
       walls_(&walls),
       image_shift_(image_shifts(domain_.size())),
@@ -41,14 +41,14 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, bool is_uniform, doub
                      slot_size(choice_.has_rotation, choice_.has_ledger)) {
   needs_.has_history = choice_.tangential != TangentialLaw::none && choice_.tangential != TangentialLaw::viscous;
   needs_.has_images = periodic_[0] || periodic_[1] || periodic_[2];
-  needs_.has_species = !is_uniform && laws_.n_pair_species > 1;
+  needs_.has_species = laws_.n_pair_species > 1;
   needs_.slot_size = slot_size(choice_.has_rotation, choice_.has_ledger);
   needs_.species_table = laws_.pair_species.data();
   needs_.n_materials = laws_.n_materials;
 }
 
 void Contacts::rebuild(Particles& particles, double skin, double time, int n_threads) {
-  const PairCarry pairs = pairs_.carry(particles.size(), choice_.has_ledger);
+  const PairCarry pairs = pairs_.carry(particles.size(), choice_.has_ledger, n_threads);
   pairs_.forget();
   build(particles, pairs, wall_contacts_.carry(), skin, time, n_threads);
 }
@@ -59,9 +59,7 @@ void Contacts::restore(Particles& particles, PairCarry pairs, WallCarry walls, d
 
 void Contacts::build(Particles& particles, const PairCarry& pairs, const WallCarry& walls, double skin, double time,
                      int n_threads) {
-  double largest = 0.0;
-  for (std::int32_t i = 0; i < particles.size(); ++i) largest = std::max(largest, particles.radius(i));
-  cells_.sort(particles, domain_, periodic_, 2.0 * largest + skin, n_threads);
+  cells_.sort(particles, domain_, periodic_, 2.0 * largest_radius_ + skin, n_threads);
   particles.reorder(cells_.order(), n_threads);
   pairs_.build(particles, cells_, image_shift_, skin, needs_, cells_.order(), pairs, n_threads);
   wall_contacts_.build(particles, pairs_, skin, time, cells_.order(), walls, n_threads);
@@ -99,7 +97,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   sweep.history = mine.history.data();
   sweep.table = &laws_.pairs;
   sweep.inverse_mass = uniform_inverse_mass_;
-  sweep.radius = uniform_radius_;
+  sweep.radius = largest_radius_;  // of all, where the sweep asks
   sweep.dt = dt;
   sweep.max_overlap = max_overlap_;
 
@@ -126,7 +124,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   const auto touch_walls = [&](Range candidates) {
     sums.n_wall = 0;
     if (candidates.empty()) return;
-    const std::int64_t n = wall_contacts_.touch(particles, thread, candidates, laws_.wall_species.data(), laws_.n_walls);
+    const std::int64_t n = wall_contacts_.touch(particles, thread, candidates, laws_.wall_species.data(), laws_.n_walls, sums.dissipated);
     const WallTouches& touches = wall_contacts_.touches(thread);
     note(kernels_.walls({particles.records(), touches, &laws_.walls, dt, max_overlap_}, {0, n}));
     wall_contacts_.remember(thread, candidates);

@@ -28,6 +28,14 @@ struct StepResult {
   std::vector<std::int32_t> outside;  // grains whose centre is outside the domain, ascending
 };
 
+/// What the grains of a scene have in common.
+struct GrainKind {
+  bool is_uniform = true;        // one radius, one mass, one material
+  double inverse_mass = 0.0;     // [1/kg] of all, where uniform
+  double smallest_radius = infinity;  // [m]
+  double largest_radius = 0.0;   // [m]
+};
+
 /// A contact with all that the reference law makes of it, for the ledger, probes and messages.
 struct ContactReport {
   std::int32_t grain = 0;
@@ -45,7 +53,7 @@ struct ContactReport {
 
 class Contacts {
  public:
-  Contacts(const Scene& scene, const Walls& walls, bool is_uniform, double inverse_mass, double radius);
+  Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind);
 
   /// Forgets where grains were near each other and looks again: sorts the grains, removes those that have left, finds pairs
   /// and wall candidates, and carries over what contacts remember.
@@ -66,6 +74,8 @@ class Contacts {
 
   /// Grain i has crossed periodic faces (see PairList::shift_images).
   void shift_images(std::int32_t i, const std::array<int, 3>& steps) { pairs_.shift_images(i, steps); }
+  /// Grain i has left: forgets its contacts and returns the energy that their springs held [J].
+  double clear_memory(std::int32_t i) { return pairs_.clear_memory(i) + wall_contacts_.clear_memory(i); }
 
   /// Calls f(ContactReport) for every touching contact at the present positions, in no particular order.
   template <typename Function>
@@ -105,12 +115,12 @@ class Contacts {
 
   Box domain_;
   std::array<bool, 3> periodic_;
-  LawChoice choice_;
   SceneLaws laws_;
+  LawChoice choice_;
   ContactKernels kernels_;
   MotionKernel motion_;
   double uniform_inverse_mass_;
-  double uniform_radius_;
+  double largest_radius_;
   double max_overlap_;
   const Walls* walls_;
   PairNeeds needs_;

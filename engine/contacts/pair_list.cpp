@@ -24,14 +24,12 @@ constexpr std::int64_t round_up(std::int64_t k) { return (k + pair_group - 1) / 
 std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
 
 /// Images in which a grain may meet itself: there are some where the domain is hardly wider than the largest grain.
-std::vector<std::uint8_t> near_own_images(const Particles& particles, std::span<const Vec3> image_shift, double skin) {
-  double largest = 0.0;
-  for (std::int32_t i = 0; i < particles.size(); ++i) largest = std::max(largest, particles.radius(i));
+std::vector<std::uint8_t> near_own_images(std::span<const Vec3> image_shift, double reach) {
   std::vector<std::uint8_t> codes;
   for (std::uint8_t code = 1; code < image_shift.size(); ++code) {
     const auto [x, y, z] = image::steps(code);
     const bool is_neighbour = std::max({std::abs(x), std::abs(y), std::abs(z)}) == 1;
-    if (is_neighbour && image::is_positive(code) && length(image_shift[code]) < 2.0 * largest + skin) codes.push_back(code);
+    if (is_neighbour && image::is_positive(code) && length(image_shift[code]) < reach) codes.push_back(code);
   }
   return codes;
 }
@@ -79,7 +77,7 @@ void PairList::search(const Particles& particles, const Cells& cells, std::span<
   coordinates.resize_discarding(4 * row);
   const Spheres spheres{coordinates.data(), coordinates.data() + row, coordinates.data() + 2 * row, coordinates.data() + 3 * row};
   const PairFilter filter = pair_filter();
-  const std::vector<std::uint8_t> own_images = near_own_images(particles, image_shift, skin);
+  const std::vector<std::uint8_t> own_images = near_own_images(image_shift, cells.reach());
   raw_.resize(at(n_threads));
   parallel(n_threads, [&](int thread) {
     const Range share = share_of(n, thread, n_threads);
@@ -322,25 +320,30 @@ void PairList::index_entries(const Particles& particles, const PairNeeds& needs,
   mine.ring.resize_discarding(capacity * static_cast<std::size_t>(needs.slot_size));
 }
 
-PairCarry PairList::carry(std::int32_t n_grains, bool has_energy) const {
+PairCarry PairList::carry(std::int32_t n_grains, bool has_energy, int n_threads) const {
   PairCarry carry;
   if (threads_.empty() || threads_[0].history.size() == 0) return carry;
   carry.begin.assign(at(n_grains) + 1, 0);
-  for_each(n_grains, [&](std::int32_t a, std::int32_t b, std::uint8_t, const PairMemory* memory) {
+  // A pair's owner lies in the range of the thread that holds the pair.
+  const int n_active = std::min(n_threads, static_cast<int>(threads_.size()));
+  const auto each_thread = [&](auto f) {
+    parallel(n_active, [&](int thread) {
+      for (std::size_t t = at(thread); t < threads_.size(); t += at(n_active)) for_each_in(threads_[t], n_grains, f);
+    });
+  };
+  each_thread([&](std::int32_t a, std::int32_t b, std::uint8_t, const PairMemory* memory) {
     if (memory->is_used()) ++carry.begin[at(std::min(a, b)) + 1];
   });
   for (std::size_t i = 0; i < at(n_grains); ++i) carry.begin[i + 1] += carry.begin[i];
   carry.items.resize(carry.begin.back());
   if (has_energy) carry.energy.resize(carry.begin.back());
-  // begin serves as the place of the next item, and is moved back afterwards
-  for_each(n_grains, [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
+  std::vector<std::uint32_t> next(carry.begin.begin(), carry.begin.end() - 1);
+  each_thread([&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
     if (!memory->is_used()) return;
-    const std::uint32_t k = carry.begin[at(std::min(a, b))]++;
+    const std::uint32_t k = next[at(std::min(a, b))]++;
     carry.items[k] = {{memory->displacement[0], memory->displacement[1], memory->displacement[2]}, std::max(a, b), image};
     if (has_energy) carry.energy[k] = memory->energy;
   });
-  for (std::size_t i = at(n_grains); i > 0; --i) carry.begin[i] = carry.begin[i - 1];
-  carry.begin[0] = 0;
   return carry;
 }
 
@@ -367,35 +370,49 @@ std::size_t PairList::memory() const {
   return bytes;
 }
 
-void PairList::shift_images(std::int32_t i, const std::array<int, 3>& steps) {
-  // Separation x_a - x_b + shift must stay: where x_i grows by a period, the shift of i as a falls by one, as b grows.
-  const auto moved = [&](std::uint8_t code, int sign) {
-    const auto old = image::steps(code);
-    return image::code(old[0] + sign * steps[0], old[1] + sign * steps[1], old[2] + sign * steps[2]);
-  };
-  for (ThreadPairs& t : threads_) {
-    if (i >= t.grain_begin && i < t.grain_end) {
-      for (std::uint32_t q = t.offsets[at(i - t.grain_begin)]; q < t.offsets[at(i - t.grain_begin) + 1]; ++q) {
-        const Entry entry = t.entries[q];
-        const std::uint32_t slot = entry >> 2;
-        for (ThreadPairs& owner : threads_) {  // a kept slot may be another thread's
-          std::int64_t k = -1;
-          if (!(entry & entry_is_kept)) {
-            if (&owner == &t) k = slot;
-          } else {
-            const auto tile = std::upper_bound(owner.tiles.begin(), owner.tiles.end(), slot,
-                                               [](std::uint32_t s, const Tile& x) { return s < x.kept_slot; });
-            if (tile != owner.tiles.begin()) {
-              const Tile& found = *(tile - 1);
-              if (slot < found.kept_slot + (found.pair_end - found.kept_begin)) k = found.kept_begin + (slot - found.kept_slot);
-            }
+/// Calls f(owner, k, is_b) for every pair k of grain i, in the order of its entries.
+template <typename Function>
+void PairList::for_each_of(std::int32_t i, Function f) {
+  for (const ThreadPairs& t : threads_) {
+    if (i < t.grain_begin || i >= t.grain_end) continue;
+    for (std::uint32_t q = t.offsets[at(i - t.grain_begin)]; q < t.offsets[at(i - t.grain_begin) + 1]; ++q) {
+      const Entry entry = t.entries[q];
+      const std::uint32_t slot = entry >> 2;
+      for (ThreadPairs& owner : threads_) {  // a kept slot may be another thread's
+        std::int64_t k = -1;
+        if (!(entry & entry_is_kept)) {
+          if (&owner == &t) k = slot;
+        } else {
+          const auto tile = std::upper_bound(owner.tiles.begin(), owner.tiles.end(), slot,
+                                             [](std::uint32_t s, const Tile& x) { return s < x.kept_slot; });
+          if (tile != owner.tiles.begin()) {
+            const Tile& found = *(tile - 1);
+            if (slot < found.kept_slot + (found.pair_end - found.kept_begin)) k = found.kept_begin + (slot - found.kept_slot);
           }
-          if (k >= 0) owner.image[at(k)] = moved(owner.image[at(k)], (entry & entry_is_b) ? 1 : -1);
         }
+        if (k >= 0) f(owner, k, (entry & entry_is_b) != 0);
       }
-      return;
     }
   }
+}
+
+void PairList::shift_images(std::int32_t i, const std::array<int, 3>& steps) {
+  // Separation x_a - x_b + shift must stay: where x_i grows by a period, the shift of i as a falls by one, as b grows.
+  for_each_of(i, [&](ThreadPairs& owner, std::int64_t k, bool is_b) {
+    const auto old = image::steps(owner.image[at(k)]);
+    const int sign = is_b ? 1 : -1;
+    owner.image[at(k)] = image::code(old[0] + sign * steps[0], old[1] + sign * steps[1], old[2] + sign * steps[2]);
+  });
+}
+
+double PairList::clear_memory(std::int32_t i) {
+  double energy = 0.0;
+  for_each_of(i, [&](ThreadPairs& owner, std::int64_t k, bool) {
+    if (owner.history.size() == 0) return;
+    energy += owner.history[4 * at(k) + 3];
+    std::fill_n(owner.history.data() + 4 * k, 4, 0.0);
+  });
+  return energy;
 }
 
 }  // namespace moraine

@@ -24,7 +24,7 @@ struct PairMemory {
   double displacement[3];  // [m] of the grain of lower gid relative to the other
   double energy;           // [J]
   /// False where there is nothing to remember.
-  bool is_used() const { return displacement[0] != 0.0 || displacement[1] != 0.0 || displacement[2] != 0.0 || energy != 0.0; }
+  bool is_used() const { return displacement[0] != 0.0 || displacement[1] != 0.0 || displacement[2] != 0.0; }
 };
 
 struct Tile {
@@ -85,7 +85,7 @@ class PairList {
   void build(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin,
              const PairNeeds& needs, std::span<const std::int32_t> was_at, const PairCarry& carry, int n_threads);
   /// The memory of all touching pairs, by present places.
-  PairCarry carry(std::int32_t n_grains, bool has_energy) const;
+  PairCarry carry(std::int32_t n_grains, bool has_energy, int n_threads) const;
   /// Gives back what a rebuild makes anew, so that old and new are never held at once. Only build() may follow.
   void forget();
 
@@ -98,22 +98,26 @@ class PairList {
 
   /// Grain i has crossed periodic faces: x(new) = x(old) + steps * period. Its pairs now see other images.
   void shift_images(std::int32_t i, const std::array<int, 3>& steps);
+  /// Grain i has left: its pairs remember nothing more. Returns the energy that their springs held [J].
+  double clear_memory(std::int32_t i);
 
   /// Calls f(a, b, image, memory or nullptr) for every pair.
   template <typename Function>
   void for_each(std::int32_t dummy, Function f) const {
-    for (const ThreadPairs& t : threads_)
-      for (const Tile& tile : t.tiles)
-        for (std::int64_t k = tile.ring_begin; k < tile.pair_end; ++k) {
-          const auto p = static_cast<std::size_t>(k);
-          if (t.a[p] == dummy) continue;
-          f(t.a[p], t.b[p], t.image.size() ? t.image[p] : std::uint8_t{0},
-            t.history.size() ? reinterpret_cast<const PairMemory*>(t.history.data() + 4 * k) : nullptr);
-        }
+    for (const ThreadPairs& t : threads_) for_each_in(t, dummy, f);
   }
 
  private:
-  struct RawPairs;                           // as found, before they are laid out
+  template <typename Function>
+  static void for_each_in(const ThreadPairs& t, std::int32_t dummy, Function f) {
+    for (const Tile& tile : t.tiles)
+      for (std::int64_t k = tile.ring_begin; k < tile.pair_end; ++k) {
+        const auto p = static_cast<std::size_t>(k);
+        if (t.a[p] == dummy) continue;
+        f(t.a[p], t.b[p], t.image.size() ? t.image[p] : std::uint8_t{0},
+          t.history.size() ? reinterpret_cast<const PairMemory*>(t.history.data() + 4 * k) : nullptr);
+      }
+  }
   void search(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin, int n_threads);
   void cut(std::int32_t n_grains, int n_threads);
   void mark_deferred(int thread);
@@ -122,6 +126,8 @@ class PairList {
   void index_entries(const Particles& particles, const PairNeeds& needs, int thread);
   template <typename Function>
   void for_each_raw(std::int32_t begin, std::int32_t end, Function f) const;
+  template <typename Function>
+  void for_each_of(std::int32_t i, Function f);
 
   struct RawChunk {
     std::int32_t grain_begin = 0, grain_end = 0;

@@ -117,8 +117,17 @@ const WallMemory* WallContacts::match(const Share& share, std::int64_t candidate
   return &share.memory[at(found)];
 }
 
+/// What the springs of touches hold [J] that no touch of this step goes on with.
+double WallContacts::energy_of_ended(const Share& share, std::int64_t candidate, unsigned taken) const {
+  double energy = 0.0;
+  const std::int64_t begin = share.slot_begin[at(candidate)], end = share.slot_begin[at(candidate) + 1];
+  for (std::int64_t slot = begin; slot < end; ++slot)
+    if (!(taken >> (slot - begin) & 1u)) energy += share.memory[at(slot)].memory.energy;
+  return energy;
+}
+
 std::int64_t WallContacts::touch(const Particles& particles, int thread, Range candidates, const std::uint8_t* species,
-                                 int n_walls) {
+                                 int n_walls, double* dissipated) {
   Share& share = shares_[index(thread)];
   double* const columns = share.columns.data();
   const std::size_t room = share.columns.size() / 8;
@@ -144,6 +153,7 @@ std::int64_t WallContacts::touch(const Particles& particles, int thread, Range c
       const PairMemory value = memory ? memory->memory : PairMemory{};
       std::memcpy(share.history.data() + 4 * n, &value, sizeof(value));
     }
+    if (dissipated && has_history_) dissipated[4 * std::ptrdiff_t{candidate.grain} + 2] += energy_of_ended(share, c, taken);
   }
   share.touch_begin[at(candidates.size())] = static_cast<std::int64_t>(n);
   const auto n_found = static_cast<std::int64_t>(n);
@@ -171,6 +181,20 @@ void WallContacts::remember(int thread, Range candidates) {
     }
     for (; slot < share.slot_begin[at(c) + 1]; ++slot) share.memory[at(slot)] = WallMemory{};
   }
+}
+
+double WallContacts::clear_memory(std::int32_t i) {
+  double energy = 0.0;
+  if (!has_history_) return energy;
+  for (Share& share : shares_)
+    for (std::size_t c = 0; c < share.list.size(); ++c) {
+      if (share.list[c].grain != i) continue;
+      for (std::int64_t slot = share.slot_begin[c]; slot < share.slot_begin[c + 1]; ++slot) {
+        energy += share.memory[at(slot)].memory.energy;
+        share.memory[at(slot)] = WallMemory{};
+      }
+    }
+  return energy;
 }
 
 WallCarry WallContacts::carry() const {

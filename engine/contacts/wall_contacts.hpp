@@ -60,10 +60,15 @@ class WallContacts {
   Range deferred(int thread) const { return {shares_[index(thread)].tile_begin.back(), static_cast<std::int64_t>(shares_[index(thread)].list.size())}; }
 
   /// The touches of these candidates, with their memory, ready for the sweep; returns their number (without filling).
-  std::int64_t touch(const Particles& particles, int thread, Range candidates, const std::uint8_t* species, int n_walls);
+  /// `dissipated`: four doubles a grain [J], or nullptr; what the spring of a touch that has ended still held goes to friction.
+  std::int64_t touch(const Particles& particles, int thread, Range candidates, const std::uint8_t* species, int n_walls,
+                     double* dissipated);
   const WallTouches& touches(int thread) const { return shares_[index(thread)].view; }
   /// Stores what the touches remember after the sweep.
   void remember(int thread, Range candidates);
+
+  /// Grain i has left: its touches remember nothing more. Returns the energy that their springs held [J].
+  double clear_memory(std::int32_t i);
 
   /// Calls f(WallContact) for every touch at the present positions, in no particular order.
   template <typename Function>
@@ -93,6 +98,7 @@ class WallContacts {
   Vec3 wall_velocity(const Surface& surface, Vec3 centre, const Touch& touch) const;
   void make_room(Share& share) const;
   const WallMemory* match(const Share& share, std::int64_t candidate, const Touch& touch, unsigned& taken) const;
+  double energy_of_ended(const Share& share, std::int64_t candidate, unsigned taken) const;
 
   const Walls* walls_;
   bool has_history_;

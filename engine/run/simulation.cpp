@@ -42,25 +42,17 @@ void check(const Scene& scene) {
   if (!problems.empty()) throw SceneError(std::move(problems));
 }
 
-/// What all grains have in common.
-struct Common {
-  double smallest_radius = infinity;
-  double largest_radius = 0.0;
-  double inverse_mass = 0.0;
-  bool is_uniform = true;  // one radius, one mass, one material
-};
-
-Common common_of(const Particles& particles) {
-  Common common;
+GrainKind kind_of(const Particles& particles) {
+  GrainKind kind;
   for (std::int32_t i = 0; i < particles.size(); ++i) {
     const double r = particles.radius(i), m = particles.inverse_mass(i);
-    if (i == 0) common.inverse_mass = m;
-    common.smallest_radius = std::min(common.smallest_radius, r);
-    common.largest_radius = std::max(common.largest_radius, r);
-    common.is_uniform = common.is_uniform && m == common.inverse_mass && r == particles.radius(0) &&
-                        particles.material(i) == particles.material(0);
+    if (i == 0) kind.inverse_mass = m;
+    kind.smallest_radius = std::min(kind.smallest_radius, r);
+    kind.largest_radius = std::max(kind.largest_radius, r);
+    kind.is_uniform = kind.is_uniform && m == kind.inverse_mass && r == particles.radius(0) &&
+                      particles.material(i) == particles.material(0);
   }
-  return common;
+  return kind;
 }
 
 void put_seeds(const Scene& scene, const std::vector<GrainSeed>& seeds, Particles& particles) {
@@ -168,7 +160,7 @@ struct Simulation::Parts {
   Walls walls;
   Particles particles;
   std::optional<Contacts> contacts;
-  Common common;
+  GrainKind kind;
   Stopwatch stopwatch;
 
   std::uint64_t step = 0;
@@ -219,9 +211,8 @@ struct Simulation::Parts {
 };
 
 void Simulation::Parts::make_contacts() {
-  common = common_of(particles);
-  const double radius = particles.size() > 0 ? particles.radius(0) : 1.0;
-  contacts.emplace(scene, walls, common.is_uniform, common.inverse_mass, radius);
+  kind = kind_of(particles);
+  contacts.emplace(scene, walls, kind);
   skin = plan.skin;
   choose_skin();
 }
@@ -230,7 +221,7 @@ double Simulation::Parts::widest_skin() const {
   double widest = infinity;
   for (int axis = 0; axis < 3; ++axis)
     if (scene.domain.periodic[static_cast<std::size_t>(axis)])
-      widest = std::min(widest, scene.domain.box().size()[axis] - 2.0 * common.largest_radius);
+      widest = std::min(widest, scene.domain.box().size()[axis] - 2.0 * kind.largest_radius);
   return widest;
 }
 
@@ -244,7 +235,7 @@ void Simulation::Parts::choose_skin() {
     skin = std::clamp(skin * std::clamp(wanted, 0.7, 1.4), 0.01 * diameter, 0.5 * diameter);
   }
   const double widest = widest_skin();
-  if (!(widest > 1e-6 * common.largest_radius) && particles.size() > 0)
+  if (!(widest > 1e-6 * kind.largest_radius) && particles.size() > 0)
     throw SceneError({{"domain", "a periodic direction is not wider than the largest grain: no room to tell a grain from its image", false}});
   skin = std::min(skin, widest);
 }
@@ -286,7 +277,10 @@ void Simulation::Parts::after_rebuild() {
   steps_since_rebuild = 0;
   next_wall_change = walls.next_change(time());
   place_at_rebuild.resize(static_cast<std::size_t>(particles.size()));
-  for (std::int32_t i = 0; i < particles.size(); ++i) place_at_rebuild[static_cast<std::size_t>(i)] = particles.position(i);
+  parallel(n_threads, [&](int thread) {
+    const Range share = share_of(particles.size(), thread, n_threads);
+    for (std::int64_t i = share.begin; i < share.end; ++i) place_at_rebuild[static_cast<std::size_t>(i)] = particles.position(i);
+  });
 }
 
 /// A kick over h [s].
@@ -332,6 +326,7 @@ void Simulation::Parts::remove(std::int32_t i) {
   const double mass = 1.0 / particles.inverse_mass(i);
   census.n_left += 1.0;
   census.mass_left += mass;
+  energy_left += contacts->clear_memory(i);
   if (scene.output.energy) {
     energy_left += 0.5 * mass * squared_length(particles.velocity(i)) - mass * dot(scene.time.gravity, particles.position(i));
     if (scene.contact.rotation) energy_left += 0.5 / particles.inverse_inertia(i) * squared_length(particles.angular_velocity(i));
@@ -364,7 +359,8 @@ void Simulation::Parts::cross_faces() {
       by = x < box.low[axis] ? 1 : x >= box.high[axis] ? -1 : 0;
       if (by == 0) continue;
       double wrapped = x + by * period;
-      if (wrapped >= box.high[axis]) wrapped = box.low[axis];  // rounding has put a grain just below the low face onto the high one
+      // rounding may put a grain just outside one face onto, or just outside, the other
+      if (wrapped >= box.high[axis] || wrapped < box.low[axis]) wrapped = box.low[axis];
       particles.set_real(Field::position, i, axis, wrapped);
       place_at_rebuild[static_cast<std::size_t>(i)][axis] += by * period;
     }
@@ -379,7 +375,7 @@ void Simulation::Parts::guard() {
   stopwatch.start(Phase::guard);
   if (result.is_any_not_finite) throw RunError(explain_not_finite(guard_view()));
   if (result.has_large_overlap) throw RunError(explain_overlap(guard_view()));
-  if (result.max_speed * dt > max_travel * common.smallest_radius) {
+  if (result.max_speed * dt > max_travel * kind.smallest_radius) {
     const std::int32_t fastest = fastest_grain(particles);
     if (fastest >= 0 && length(particles.velocity(fastest)) * dt > max_travel * particles.radius(fastest))
       throw RunError(explain_speed(guard_view(), fastest));
@@ -539,6 +535,10 @@ std::uint64_t Simulation::n_born() const { return static_cast<std::uint64_t>(par
 std::uint64_t Simulation::n_left() const { return static_cast<std::uint64_t>(parts_->census.n_left); }
 std::uint64_t Simulation::n_grains() const { return n_born() - n_left(); }
 std::uint64_t Simulation::n_rebuilds() const { return parts_->n_rebuilds; }
+double Simulation::memory() const {
+  const Parts& p = *parts_;
+  return static_cast<double>(p.particles.memory() + p.contacts->memory() + p.place_at_rebuild.capacity() * sizeof(Vec3));
+}
 std::vector<PhaseTime> Simulation::phases() const { return parts_->stopwatch.table(); }
 Hash128 Simulation::state_hash() const { return moraine::state_hash(parts_->particles, *parts_->contacts, parts_->step); }
 

@@ -42,6 +42,8 @@ class Simulation {
   std::uint64_t n_born() const;
   std::uint64_t n_left() const;
   std::uint64_t n_rebuilds() const;
+  /// Bytes that grains, pairs, wall contacts and cells hold now.
+  double memory() const;
 
   /// Everything needed to go on, in order of gid.
   Image checkpoint() const;

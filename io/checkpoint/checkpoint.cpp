@@ -47,7 +47,8 @@ std::string checkpoint_name(std::uint64_t step) {
 
 std::optional<std::uint64_t> checkpoint_step(const fs::path& path) {
   const std::string name = path.filename().string();
-  if (!name.starts_with(prefix) || !name.ends_with(suffix) || name.size() <= prefix.size() + suffix.size()) return std::nullopt;
+  if (!name.starts_with(prefix) || !name.ends_with(suffix) || name.size() <= prefix.size() + suffix.size())
+    return std::nullopt;
   const char* first = name.data() + prefix.size();
   const char* last = name.data() + name.size() - suffix.size();
   std::uint64_t step = 0;
@@ -60,9 +61,11 @@ fs::path checkpoint_directory(const fs::path& run_directory) { return run_direct
 std::vector<fs::path> list_checkpoints(const fs::path& run_directory) {
   std::vector<fs::path> found;
   std::error_code error;
-  for (fs::directory_iterator entry(checkpoint_directory(run_directory), error), end; !error && entry != end; entry.increment(error))
+  for (fs::directory_iterator entry(checkpoint_directory(run_directory), error), end; !error && entry != end;
+       entry.increment(error))
     if (checkpoint_step(entry->path())) found.push_back(entry->path());
-  std::sort(found.begin(), found.end(), [](const fs::path& a, const fs::path& b) { return checkpoint_step(a) > checkpoint_step(b); });
+  std::sort(found.begin(), found.end(),
+            [](const fs::path& a, const fs::path& b) { return checkpoint_step(a) > checkpoint_step(b); });
   return found;
 }
 
@@ -87,9 +90,11 @@ void remove_old_checkpoints(const fs::path& run_directory, int n_kept) {
   const std::vector<fs::path> found = list_checkpoints(run_directory);
   std::error_code error;
   for (std::size_t i = static_cast<std::size_t>(std::max(n_kept, 1)); i < found.size(); ++i)
-    if (!fs::remove(found[i], error) && error) throw StorageError(found[i], "cannot be removed: " + explain_errno(error.value()));
+    if (!fs::remove(found[i], error) && error)
+      throw StorageError(found[i], "cannot be removed: " + explain_errno(error.value()));
   std::vector<fs::path> left_over;
-  for (fs::directory_iterator entry(checkpoint_directory(run_directory), error), end; !error && entry != end; entry.increment(error))
+  for (fs::directory_iterator entry(checkpoint_directory(run_directory), error), end; !error && entry != end;
+       entry.increment(error))
     if (entry->path().extension() == ".tmp") left_over.push_back(entry->path());
   for (const fs::path& path : left_over) fs::remove(path, error);
 }

@@ -30,7 +30,8 @@ FileHandle::FileHandle(const fs::path& opened, int flags, const fs::path& named_
   do descriptor_ = ::open(opened.c_str(), flags | O_CLOEXEC, 0666);
   while (descriptor_ < 0 && errno == EINTR);
   const bool writes = (flags & (O_WRONLY | O_RDWR)) != 0;
-  if (descriptor_ < 0) throw StorageError(path_, (writes ? "cannot be written: " : "cannot be read: ") + explain_errno(errno));
+  if (descriptor_ < 0)
+    throw StorageError(path_, (writes ? "cannot be written: " : "cannot be read: ") + explain_errno(errno));
   struct stat status {};
   if (::fstat(descriptor_, &status) == 0 && S_ISDIR(status.st_mode)) {
     ::close(std::exchange(descriptor_, -1));
@@ -51,7 +52,8 @@ std::uint64_t FileHandle::size() const {
 std::size_t FileHandle::read(void* to, std::size_t n, std::uint64_t offset) const {
   std::size_t done = 0;
   while (done < n) {
-    const ssize_t got = ::pread(descriptor_, static_cast<char*>(to) + done, n - done, static_cast<off_t>(offset + done));
+    const ssize_t got =
+        ::pread(descriptor_, static_cast<char*>(to) + done, n - done, static_cast<off_t>(offset + done));
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) throw StorageError(path_, "cannot be read: " + explain_errno(errno));
     if (got == 0) break;
@@ -81,7 +83,8 @@ void FileHandle::sync() {
 }
 
 void FileHandle::close() {
-  if (::close(std::exchange(descriptor_, -1)) != 0) throw StorageError(path_, "cannot be closed: " + explain_errno(errno));
+  if (::close(std::exchange(descriptor_, -1)) != 0)
+    throw StorageError(path_, "cannot be closed: " + explain_errno(errno));
 }
 
 fs::path temporary_name(const fs::path& path) {
@@ -98,7 +101,8 @@ void sync_directory(const fs::path& directory) {
   const int error = errno;
   ::close(descriptor);
   // Some file systems cannot sync a directory and say EINVAL; a rename there is as durable as it gets.
-  if (result != 0 && error != EINVAL) throw StorageError(place, "cannot be written to the disk: " + explain_errno(error));
+  if (result != 0 && error != EINVAL)
+    throw StorageError(place, "cannot be written to the disk: " + explain_errno(error));
 }
 
 void take_place(const fs::path& path) {

@@ -27,7 +27,7 @@ class FileHandle {
   FileHandle(const FileHandle&) = delete;
   FileHandle& operator=(const FileHandle&) = delete;
 
-  std::uint64_t size() const;                                          // [bytes]
+  std::uint64_t size() const;  // [bytes]
   /// Reads up to n bytes from `offset`; fewer only at the end of the file.
   std::size_t read(void* to, std::size_t n, std::uint64_t offset) const;
   /// Writes all n bytes, or throws.

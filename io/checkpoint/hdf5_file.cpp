@@ -53,9 +53,12 @@ herr_t keep_description(unsigned, const H5E_error2_t* error, void* text) {
 /// What the library says went wrong: the innermost of its messages, in plain words where it carries an errno.
 std::string hdf5_reason() {
   std::string text;
-  H5Ewalk2(H5E_DEFAULT, H5E_WALK_UPWARD, [](unsigned n, const H5E_error2_t* error, void* to) -> herr_t {
-    return n == 0 ? keep_description(n, error, to) : 0;
-  }, &text);
+  H5Ewalk2(
+      H5E_DEFAULT, H5E_WALK_UPWARD,
+      [](unsigned n, const H5E_error2_t* error, void* to) -> herr_t {
+        return n == 0 ? keep_description(n, error, to) : 0;
+      },
+      &text);
   const std::size_t at = text.find("errno = ");
   if (at != std::string::npos) return explain_errno(std::atoi(text.c_str() + at + 8));
   return text.empty() ? "no reason given" : text;
@@ -93,7 +96,11 @@ struct Hdf5Writer::File {
   std::vector<FilePart> parts;
 
   File(const fs::path& path_, std::string kind_, std::uint64_t header_bytes_, hid_t opened)
-      : path(path_), temporary(temporary_name(path_)), kind(std::move(kind_)), header_bytes(header_bytes_), id(opened, &H5Fclose) {}
+      : path(path_),
+        temporary(temporary_name(path_)),
+        kind(std::move(kind_)),
+        header_bytes(header_bytes_),
+        id(opened, &H5Fclose) {}
 
   [[noreturn]] void fail(const std::string& doing) const {
     throw StorageError(path, "cannot be written (" + doing + "): " + hdf5_reason());
@@ -133,7 +140,8 @@ struct Hdf5Writer::File {
     check(group >= 0, parent);
   }
 
-  void write_attribute(hid_t object, const std::string& name, hid_t file_type, hid_t memory_type, hsize_t n, const void* values) {
+  void write_attribute(hid_t object, const std::string& name, hid_t file_type, hid_t memory_type, hsize_t n,
+                       const void* values) {
     const Id space(n == 1 ? H5Screate(H5S_SCALAR) : H5Screate_simple(1, &n, nullptr), &H5Sclose);
     Id attribute(H5Acreate2(object, name.c_str(), file_type, space, H5P_DEFAULT, H5P_DEFAULT), &H5Aclose);
     check(attribute >= 0 && H5Awrite(attribute, memory_type, values) >= 0 && attribute.close(), "attribute " + name);
@@ -190,7 +198,8 @@ Hdf5Writer::~Hdf5Writer() {
   if (file_) file_->abandon();
 }
 
-void Hdf5Writer::dataset(const std::string& name, std::span<const double> values, int components, const std::string& unit) {
+void Hdf5Writer::dataset(const std::string& name, std::span<const double> values, int components,
+                         const std::string& unit) {
   const auto width = static_cast<hsize_t>(components);
   std::vector<hsize_t> shape{values.size() / width};
   if (components > 1) shape.push_back(width);
@@ -267,7 +276,8 @@ struct Hdf5Reader::File {
     const int rank = H5Sget_simple_extent_ndims(space);
     if (rank < 1 || rank > 2 || H5Sget_simple_extent_dims(space, shape, nullptr) < 0 ||
         (rank == 2 ? shape[1] : 1) != static_cast<hsize_t>(components))
-      fail("dataset '" + name + "' has another shape than (n" + (components > 1 ? ", " + std::to_string(components) : "") + ")");
+      fail("dataset '" + name + "' has another shape than (n" +
+           (components > 1 ? ", " + std::to_string(components) : "") + ")");
     return {std::move(set), static_cast<std::size_t>(shape[0])};
   }
 
@@ -287,17 +297,19 @@ struct Hdf5Reader::File {
 Hdf5Reader::Hdf5Reader(const fs::path& path, const std::vector<std::string>& kinds, bool needs_seal) {
   quieten();
   if (!check_seal(path, kinds) && needs_seal)
-    throw StorageError(path, "is an HDF5 file without Moraine's checksums; another program has written or rewritten it");
+    throw StorageError(path,
+                       "is an HDF5 file without Moraine's checksums; another program has written or rewritten it");
   const Id access = file_access();
   const hid_t opened = H5Fopen(path.c_str(), H5F_ACC_RDONLY, access);
   if (opened < 0) throw StorageError(path, "cannot be opened as HDF5: " + hdf5_reason());
   file_ = std::make_unique<File>(File{path, Id(opened, &H5Fclose)});
   const std::string found = kind();
-  if (std::find(kinds.begin(), kinds.end(), found) == kinds.end()) throw StorageError(path, "holds a '" + found + "', which is not expected here");
+  if (std::find(kinds.begin(), kinds.end(), found) == kinds.end())
+    throw StorageError(path, "holds a '" + found + "', which is not expected here");
   const std::uint64_t format = integer_attribute("format");
   if (format > static_cast<std::uint64_t>(file_format))
-    throw StorageError(path, "is written in format " + std::to_string(format) + ", newer than format " + std::to_string(file_format) +
-                              " of this program: use a newer Moraine");
+    throw StorageError(path, "is written in format " + std::to_string(format) + ", newer than format " +
+                                 std::to_string(file_format) + " of this program: use a newer Moraine");
 }
 
 Hdf5Reader::~Hdf5Reader() = default;
@@ -318,7 +330,8 @@ std::vector<std::string> Hdf5Reader::children(const std::string& group) const {
     static_cast<std::vector<std::string>*>(to)->emplace_back(name);
     return 0;
   };
-  if (H5Literate_by_name(file_->id, group.c_str(), H5_INDEX_NAME, H5_ITER_INC, nullptr, append, &names, H5P_DEFAULT) < 0)
+  if (H5Literate_by_name(file_->id, group.c_str(), H5_INDEX_NAME, H5_ITER_INC, nullptr, append, &names, H5P_DEFAULT) <
+      0)
     file_->fail("group '" + group + "' cannot be listed: " + hdf5_reason());
   return names;
 }
@@ -339,7 +352,8 @@ std::string Hdf5Reader::text(const std::string& name) const {
   const Id set(exists(name) ? H5Dopen2(file_->id, name.c_str(), H5P_DEFAULT) : H5I_INVALID_HID, &H5Dclose);
   if (set < 0) file_->fail("has no dataset '" + name + "'");
   const Id type(H5Dget_type(set), &H5Tclose);
-  if (H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) > 0) file_->fail("dataset '" + name + "' is not a text");
+  if (H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) > 0)
+    file_->fail("dataset '" + name + "' is not a text");
   std::string value(H5Tget_size(type), '\0');
   const Id memory = string_type(value.size());
   if (H5Dread(set, memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, value.data()) < 0)

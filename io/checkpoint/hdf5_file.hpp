@@ -27,7 +27,8 @@ class Hdf5Writer {
   Hdf5Writer& operator=(const Hdf5Writer&) = delete;
 
   /// Shape (n), or (n, components) with components > 1. `unit` becomes an attribute unless empty.
-  void dataset(const std::string& name, std::span<const double> values, int components = 1, const std::string& unit = {});
+  void dataset(const std::string& name, std::span<const double> values, int components = 1,
+               const std::string& unit = {});
   void dataset(const std::string& name, std::span<const std::uint64_t> values);
   void dataset(const std::string& name, std::span<const std::uint16_t> values);
   void text(const std::string& name, const std::string& value);  // UTF-8, one string

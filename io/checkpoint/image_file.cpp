@@ -1,5 +1,7 @@
 #include "io/checkpoint/image_file.hpp"
 
+#include <algorithm>
+#include <bit>
 #include <string>
 #include <utility>
 
@@ -8,6 +10,10 @@
 namespace moraine {
 
 namespace {
+
+// What is added to a history must be written and read here, or a restart loses it without a word.
+static_assert(sizeof(PairHistory) == 7 * 8 && sizeof(WallHistory) == 9 * 8,
+              "a history has changed: checkpoints must keep all of it");
 
 std::array<double, 3> as_array(Vec3 v) { return {v.x, v.y, v.z}; }
 Vec3 as_vector(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
@@ -37,7 +43,9 @@ std::string decoded(const std::string& text) {
 }
 
 std::size_t n_values(const FieldArray& array, const FieldInfo& row) {
-  return row.type == FieldType::real ? array.reals.size() : row.type == FieldType::gid ? array.gids.size() : array.indices.size();
+  return row.type == FieldType::real  ? array.reals.size()
+         : row.type == FieldType::gid ? array.gids.size()
+                                      : array.indices.size();
 }
 
 /// One component or vector of all histories, as an array of its own.
@@ -58,9 +66,26 @@ std::vector<double> vectors(const std::vector<Entry>& entries, double (Entry::*m
   return values;
 }
 
+/// What springs hold; scenes without an energy ledger have none, and no dataset.
+template <class Entry>
+void write_energy(Hdf5Writer& file, const std::string& name, const std::vector<Entry>& entries) {
+  if (std::any_of(entries.begin(), entries.end(),
+                  [](const Entry& entry) { return std::bit_cast<std::uint64_t>(entry.energy) != 0; }))
+    file.dataset(name, column(entries, [](const Entry& entry) { return entry.energy; }), 1, "J");
+}
+
 void check_length(const Hdf5Reader& file, const std::string& name, std::size_t found, std::size_t expected) {
   if (found != expected)
-    throw StorageError(file.path(), "dataset '" + name + "' has " + std::to_string(found) + " rows, expected " + std::to_string(expected));
+    throw StorageError(file.path(), "dataset '" + name + "' has " + std::to_string(found) + " rows, expected " +
+                                        std::to_string(expected));
+}
+
+template <class Entry>
+void read_energy(const Hdf5Reader& file, const std::string& name, std::vector<Entry>& entries) {
+  if (!file.exists(name)) return;
+  const std::vector<double> energy = file.reals(name);
+  check_length(file, name, energy.size(), entries.size());
+  for (std::size_t i = 0; i < energy.size(); ++i) entries[i].energy = energy[i];
 }
 
 FieldArray read_field(const Hdf5Reader& file, const FieldInfo& row, std::uint64_t n_grains) {
@@ -90,7 +115,8 @@ void write_grains(Hdf5Writer& file, const Image& image) {
   file.attribute("time_step", image.time_step);
   file.attribute("domain_low", as_array(image.domain.low));
   file.attribute("domain_high", as_array(image.domain.high));
-  file.attribute("periodic", std::array<double, 3>{double(image.periodic[0]), double(image.periodic[1]), double(image.periodic[2])});
+  file.attribute("periodic", std::array<double, 3>{double(image.periodic[0]), double(image.periodic[1]),
+                                                   double(image.periodic[2])});
   file.attribute("grains", image.n_grains);
   file.attribute("state_hash", image.hash.text());
   for (const FieldArray& array : image.fields) {
@@ -112,11 +138,13 @@ void write_history(Hdf5Writer& file, const Image& image) {
   file.dataset("contacts/pairs/gid_high", column(pairs, [](const PairHistory& p) { return p.gid_high; }));
   file.dataset("contacts/pairs/image", column(pairs, [](const PairHistory& p) { return p.image; }));
   file.dataset("contacts/pairs/displacement", vectors(pairs, &PairHistory::displacement), 3, "m");
+  write_energy(file, "contacts/pairs/energy", pairs);
   const auto& walls = image.walls;
   file.dataset("contacts/walls/gid", column(walls, [](const WallHistory& w) { return w.gid; }));
   file.dataset("contacts/walls/surface", column(walls, [](const WallHistory& w) { return w.surface; }));
   file.dataset("contacts/walls/normal", vectors(walls, &WallHistory::normal), 3);
   file.dataset("contacts/walls/displacement", vectors(walls, &WallHistory::displacement), 3, "m");
+  write_energy(file, "contacts/walls/energy", walls);
   for (const auto& [name, values] : image.accumulators) file.dataset("accumulators/" + encoded(name), values);
 }
 
@@ -136,7 +164,8 @@ Image read_grains(const Hdf5Reader& file, std::vector<std::string>* unknown) {
   }
   for (const std::string& name : file.children("particles")) {
     if (field_by_name(name)) continue;
-    if (unknown == nullptr) throw StorageError(file.path(), "holds the field '" + name + "', which this program does not know");
+    if (unknown == nullptr)
+      throw StorageError(file.path(), "holds the field '" + name + "', which this program does not know");
     unknown->push_back(name);
   }
   for (const FieldInfo& row : field_table)
@@ -153,7 +182,9 @@ void read_history(const Hdf5Reader& file, Image& image) {
   check_length(file, "contacts/pairs/displacement", displacement.size() / 3, low.size());
   image.pairs.reserve(low.size());
   for (std::size_t i = 0; i < low.size(); ++i)
-    image.pairs.push_back({low[i], high[i], shift[i], {displacement[3 * i], displacement[3 * i + 1], displacement[3 * i + 2]}});
+    image.pairs.push_back(
+        {low[i], high[i], shift[i], {displacement[3 * i], displacement[3 * i + 1], displacement[3 * i + 2]}, 0.0});
+  read_energy(file, "contacts/pairs/energy", image.pairs);
 
   const auto gid = file.gids("contacts/walls/gid"), surface = file.gids("contacts/walls/surface");
   const auto normal = file.reals("contacts/walls/normal", 3), slip = file.reals("contacts/walls/displacement", 3);
@@ -162,8 +193,12 @@ void read_history(const Hdf5Reader& file, Image& image) {
   check_length(file, "contacts/walls/displacement", slip.size() / 3, gid.size());
   image.walls.reserve(gid.size());
   for (std::size_t i = 0; i < gid.size(); ++i)
-    image.walls.push_back({gid[i], surface[i], {normal[3 * i], normal[3 * i + 1], normal[3 * i + 2]},
-                           {slip[3 * i], slip[3 * i + 1], slip[3 * i + 2]}});
+    image.walls.push_back({gid[i],
+                           surface[i],
+                           {normal[3 * i], normal[3 * i + 1], normal[3 * i + 2]},
+                           {slip[3 * i], slip[3 * i + 1], slip[3 * i + 2]},
+                           0.0});
+  read_energy(file, "contacts/walls/energy", image.walls);
   for (const std::string& name : file.children("accumulators"))
     image.accumulators[decoded(name)] = file.reals("accumulators/" + name);
 }

@@ -2,8 +2,8 @@
 //
 //   attributes  kind, format, step, time, time_step, domain_low, domain_high, periodic, grains, state_hash
 //   /particles/NAME            one dataset a field of the field table, rows in order of gid
-//   /contacts/pairs/...        checkpoints: gid_low, gid_high, image, displacement
-//   /contacts/walls/...        checkpoints: gid, surface, normal, displacement
+//   /contacts/pairs/...        checkpoints: gid_low, gid_high, image, displacement, energy
+//   /contacts/walls/...        checkpoints: gid, surface, normal, displacement, energy
 //   /accumulators/NAME         checkpoints: state of observers and counters
 #pragma once
 

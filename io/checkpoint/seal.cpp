@@ -39,7 +39,8 @@ class HashStream {
 /// Hash of bytes [begin, end) of a file, through a buffer.
 Hash128 hash_range(const FileHandle& file, std::uint64_t begin, std::uint64_t end, std::vector<char>& buffer) {
   HashStream stream;
-  buffer.resize(std::max<std::size_t>(buffer.size(), static_cast<std::size_t>(std::min<std::uint64_t>(block_bytes, end - std::min(begin, end)))));
+  buffer.resize(std::max<std::size_t>(
+      buffer.size(), static_cast<std::size_t>(std::min<std::uint64_t>(block_bytes, end - std::min(begin, end)))));
   for (std::uint64_t at = begin; at < end;) {
     const std::size_t n = static_cast<std::size_t>(std::min<std::uint64_t>(block_bytes, end - at));
     const std::size_t got = file.read(buffer.data(), n, at);
@@ -103,14 +104,16 @@ class Scanner {
 
 bool parse_first_line(Scanner& scan, SealHeader& header) {
   std::uint64_t format = 0;
-  if (!scan.literal("Moraine ") || !scan.until(' ', header.kind) || !scan.literal(" ") || !scan.number(format)) return false;
+  if (!scan.literal("Moraine ") || !scan.until(' ', header.kind) || !scan.literal(" ") || !scan.number(format))
+    return false;
   header.format = static_cast<int>(std::min<std::uint64_t>(format, 1'000'000));
   return scan.literal("\n");
 }
 
 bool parse_rest(Scanner& scan, std::string_view block, SealHeader& header) {
   if (!scan.literal("header ") || !scan.number(header.header_bytes) || !scan.literal("\nbytes ") ||
-      !scan.number(header.file_bytes) || !scan.literal("\ncontent ") || !scan.hash(header.content) || !scan.literal("\n"))
+      !scan.number(header.file_bytes) || !scan.literal("\ncontent ") || !scan.hash(header.content) ||
+      !scan.literal("\n"))
     return false;
   while (scan.literal("part ")) {
     FilePart part;
@@ -173,7 +176,8 @@ void seal_file(const fs::path& written, const fs::path& path, const std::string&
   header.content = hash_range(file, header_bytes, header.file_bytes, buffer);
   for (const FilePart& part : header.parts)
     if (hash_range(file, part.offset, part.offset + part.bytes, buffer) != part.hash)
-      throw StorageError(path, "what was read back of " + part.name + " is not what was written: the disk or memory is at fault");
+      throw StorageError(
+          path, "what was read back of " + part.name + " is not what was written: the disk or memory is at fault");
   std::string text = seal_text(header);
   if (text.size() > header_bytes) throw std::logic_error("the seal does not fit into its user block");
   text.resize(header_bytes, '\0');
@@ -193,18 +197,20 @@ std::optional<SealHeader> check_seal(const fs::path& path, const std::vector<std
   SealHeader header;
   Scanner first(block);
   if (!parse_first_line(first, header))
-    throw StorageError(path, std::string(block.size() < 40 ? "is cut short or " : "") + "is not a Moraine file, or its first line is damaged; " +
-                              expected);
+    throw StorageError(path, std::string(block.size() < 40 ? "is cut short or " : "") +
+                                 "is not a Moraine file, or its first line is damaged; " + expected);
   if (header.format > file_format)
     throw StorageError(path, "is written in format " + std::to_string(header.format) + ", newer than format " +
-                              std::to_string(file_format) + " of this program: use a newer Moraine");
+                                 std::to_string(file_format) + " of this program: use a newer Moraine");
   if (std::find(kinds.begin(), kinds.end(), header.kind) == kinds.end())
     throw StorageError(path, "is a Moraine " + header.kind + ", " + expected);
 
   const std::uint64_t header_bytes = announced_header(block);
   const std::uint64_t size = file.size();
-  if (header_bytes == 0) throw StorageError(path, size < smallest_header ? "is cut short" : "is damaged: its header cannot be read");
-  if (size < header_bytes) throw StorageError(path, "is cut short: " + std::to_string(size) + " bytes are less than its header");
+  if (header_bytes == 0)
+    throw StorageError(path, size < smallest_header ? "is cut short" : "is damaged: its header cannot be read");
+  if (size < header_bytes)
+    throw StorageError(path, "is cut short: " + std::to_string(size) + " bytes are less than its header");
   block.resize(header_bytes);
   file.read(block.data(), block.size(), 0);
   Scanner scan(block);
@@ -212,10 +218,11 @@ std::optional<SealHeader> check_seal(const fs::path& path, const std::vector<std
   if (header.format < 1 || !parse_rest(scan, block, header) || header.header_bytes != header_bytes)
     throw StorageError(path, "is damaged: its header does not agree with its checksum");
   if (size != header.file_bytes)
-    throw StorageError(path, (size < header.file_bytes ? "is cut short: " : "is too long: ") + std::to_string(size) + " of " +
-                              std::to_string(header.file_bytes) + " bytes");
+    throw StorageError(path, (size < header.file_bytes ? "is cut short: " : "is too long: ") + std::to_string(size) +
+                                 " of " + std::to_string(header.file_bytes) + " bytes");
   std::vector<char> buffer;
-  if (hash_range(file, header_bytes, size, buffer) != header.content) throw StorageError(path, damaged_parts(file, header));
+  if (hash_range(file, header_bytes, size, buffer) != header.content)
+    throw StorageError(path, damaged_parts(file, header));
   return header;
 }
 

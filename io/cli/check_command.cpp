@@ -26,10 +26,11 @@ std::string size_text(const SizeDistribution& size) {
     case SizeDistribution::Kind::single: return fmt::format("{:.6g} m", size.value);
     case SizeDistribution::Kind::uniform: return fmt::format("{:.6g} to {:.6g} m, uniform", size.low, size.high);
     case SizeDistribution::Kind::normal:
-      return fmt::format("normal, mean {:.6g} m, deviation {:.6g} m, within {:.6g} to {:.6g} m", size.mean, size.deviation, size.low, size.high);
+      return fmt::format("normal, mean {:.6g} m, deviation {:.6g} m, within {:.6g} to {:.6g} m", size.mean,
+                         size.deviation, size.low, size.high);
     case SizeDistribution::Kind::lognormal:
-      return fmt::format("lognormal, mean {:.6g} m, deviation {:.6g} m, within {:.6g} to {:.6g} m", size.mean, size.deviation, size.low,
-                         size.high);
+      return fmt::format("lognormal, mean {:.6g} m, deviation {:.6g} m, within {:.6g} to {:.6g} m", size.mean,
+                         size.deviation, size.low, size.high);
     case SizeDistribution::Kind::list: break;
   }
   if (size.values.empty()) return "no sizes";
@@ -55,7 +56,8 @@ std::string group_text(const ParticleGroup& group) {
     if (fill->solid_fraction) text += fmt::format(", to a solid fraction of {:.4g}", *fill->solid_fraction);
     if (fill->count) text += fmt::format(", {} grains", count_text(static_cast<std::uint64_t>(*fill->count)));
   } else if (const auto* lattice = std::get_if<LatticeFill>(&group.fill)) {
-    text += fmt::format("{} lattice, diameter {}", lattice->kind == LatticeFill::Kind::cubic ? "cubic" : "hexagonal", size_text(group.diameter));
+    text += fmt::format("{} lattice, diameter {}", lattice->kind == LatticeFill::Kind::cubic ? "cubic" : "hexagonal",
+                        size_text(group.diameter));
   } else {
     text += listed_text(std::get<ListedGrains>(group.fill), group.diameter);
   }
@@ -73,7 +75,8 @@ std::string domain_text(const Domain& domain) {
 
 std::string material_text(const Material& material) {
   std::string text = fmt::format("{}: {:.6g} kg/m3", material.name, material.density);
-  if (material.young > 0.0) text += fmt::format(", Young's modulus {:.4g} Pa, Poisson's ratio {:.3g}", material.young, material.poisson);
+  if (material.young > 0.0)
+    text += fmt::format(", Young's modulus {:.4g} Pa, Poisson's ratio {:.3g}", material.young, material.poisson);
   return text;
 }
 
@@ -117,8 +120,9 @@ std::string list_rows(const std::string& name, const std::vector<std::string>& t
 
 std::string time_rows(const Scene& scene, const Plan& plan) {
   const StepChoice& choice = plan.time_step;
-  std::string rows = row("time step", fmt::format("{:.6g} s{}, {:.3g} steps in the shortest contact ({:.4g} s)", choice.step,
-                                                  scene.time.step ? " (given)" : " (chosen)", choice.steps_per_contact, choice.contact_time));
+  std::string rows = row("time step", fmt::format("{:.6g} s{}, {:.3g} steps in the shortest contact ({:.4g} s)",
+                                                  choice.step, scene.time.step ? " (given)" : " (chosen)",
+                                                  choice.steps_per_contact, choice.contact_time));
   rows += row("", "limited by " + choice.limit);
   if (scene.time.step) rows += row("", fmt::format("\"auto\" would choose {:.6g} s", choice.automatic));
   return rows + row("time", fmt::format("{:.6g} s in {}", scene.time.end, counted(plan.n_steps, "step")));
@@ -126,9 +130,8 @@ std::string time_rows(const Scene& scene, const Plan& plan) {
 
 std::string output_row(const Scene& scene, double time_step) {
   const Output& output = scene.output;
-  std::string text = output.snapshot_interval > 0.0
-                         ? fmt::format("a snapshot every {:.6g} s", output.snapshot_interval)
-                         : std::string("one snapshot at the end");
+  std::string text = output.snapshot_interval > 0.0 ? fmt::format("a snapshot every {:.6g} s", output.snapshot_interval)
+                                                    : std::string("one snapshot at the end");
   text += output.checkpoint_interval > 0.0 ? fmt::format(", a checkpoint every {:.6g} s", output.checkpoint_interval)
                                            : ", a checkpoint at the end";
   for (const Probe& probe : output.probes)

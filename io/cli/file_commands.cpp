@@ -23,8 +23,8 @@ fs::path last_image(const fs::path& path) {
 }
 
 std::string header_line(const char* name, const fs::path& path, const ImageFile& file) {
-  return fmt::format("{}: {}\n   {}, step {}, {} s, {}, state hash {}\n", name, path.string(), file.kind, file.image.step,
-                     file.image.time, counted(file.image.n_grains, "grain"), file.image.hash.text());
+  return fmt::format("{}: {}\n   {}, step {}, {} s, {}, state hash {}\n", name, path.string(), file.kind,
+                     file.image.step, file.image.time, counted(file.image.n_grains, "grain"), file.image.hash.text());
 }
 
 }  // namespace
@@ -44,7 +44,8 @@ ComparisonText compare_files(const fs::path& a, const fs::path& b) {
   const Comparison comparison = compare(file_a.image, file_b.image);
   std::string text = header_line("A", path_a, file_a) + header_line("B", path_b, file_b);
   for (const auto& [name, file] : {std::pair("A", &file_a), std::pair("B", &file_b)})
-    for (const std::string& unknown : file->unknown) text += fmt::format("field {} of {} is not known to this program and not compared\n", unknown, name);
+    for (const std::string& unknown : file->unknown)
+      text += fmt::format("field {} of {} is not known to this program and not compared\n", unknown, name);
   return {comparison.is_equal, text + comparison_text(comparison)};
 }
 

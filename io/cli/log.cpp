@@ -21,17 +21,18 @@ std::string time_of_day() {
   return text;
 }
 
-void print(std::FILE* stream, const std::string& text) {
-  std::fwrite(text.data(), 1, text.size(), stream);
-  std::fflush(stream);
-}
-
 std::size_t terminal_width() {
   winsize size{};
   return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80u;
 }
 
 }  // namespace
+
+void Log::print(std::FILE* stream, const std::string& text) const {
+  if (is_quiet_) return;
+  std::fwrite(text.data(), 1, text.size(), stream);
+  std::fflush(stream);
+}
 
 bool Log::is_terminal() const { return isatty(STDERR_FILENO) != 0; }
 

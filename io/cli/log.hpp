@@ -1,6 +1,7 @@
 // What a run says: to the terminal, and with the time of day to RUN/log.txt.
 #pragma once
 
+#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -11,7 +12,8 @@ namespace moraine {
 
 class Log {
  public:
-  Log() = default;  // terminal only, until open()
+  /// To the terminal only, until open(). A quiet one says nothing there.
+  explicit Log(bool is_quiet = false) : is_quiet_(is_quiet) {}
   /// From here on also to a file, appended to what it holds; what was said so far goes there first. Throws StorageError.
   void open(const std::filesystem::path& path);
 
@@ -25,12 +27,14 @@ class Log {
 
  private:
   void clear_progress();
+  void print(std::FILE* stream, const std::string& text) const;
   void record(const std::string& text);
 
   std::unique_ptr<FileHandle> file_;
-  std::uint64_t end_ = 0;   // [bytes]
-  std::string waiting_;     // said before open()
+  std::uint64_t end_ = 0;  // [bytes]
+  std::string waiting_;    // said before open()
   bool has_progress_ = false;
+  bool is_quiet_ = false;
 };
 
 }  // namespace moraine

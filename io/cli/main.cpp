@@ -49,7 +49,10 @@ void add_scene_options(CLI::App& command, std::filesystem::path& scene, std::vec
                        std::optional<std::string>& layout) {
   command.add_option("SCENE", scene, "scene file (TOML)")->required();
   command.add_option("--set", overrides, "changes a key of the scene: KEY=VALUE, as often as wanted")
-      ->type_name("KEY=VALUE")->type_size(1)->allow_extra_args(false)->take_all();
+      ->type_name("KEY=VALUE")
+      ->type_size(1)
+      ->allow_extra_args(false)
+      ->take_all();
   command.add_option("--layout", layout, "RANKSxTHREADS, or auto: all cores that this process may use");
 }
 
@@ -57,10 +60,17 @@ void add_run(CLI::App& app, Command& chosen, Log& log) {
   auto* command = app.add_subcommand("run", "runs a scene");
   auto request = std::make_shared<RunRequest>();
   add_scene_options(*command, request->scene_file, request->overrides, request->layout);
-  command->add_option("--out", request->out, "directory for the results (default: runs/NAME, or the next free NAME-2 ...)");
-  command->add_option("--restart", request->restart,
-                      "goes on from a checkpoint FILE, or auto: from the latest sound one of the newest run (or --out)");
-  command->add_option("--until", request->until, "stops at this time [s], with a checkpoint")->check(CLI::PositiveNumber);
+  command->add_option("--out", request->out,
+                      "directory for the results (default: runs/NAME, or the next free NAME-2 ...)");
+  command->add_option(
+      "--restart", request->restart,
+      "goes on from a checkpoint FILE, or auto: from the latest sound one of the newest run (or --out)");
+  command->add_option("--until", request->until, "stops at this time [s], with a checkpoint");
+  command->get_option("--until")->check([](const std::string& text) {
+    double value = 0.0;
+    return CLI::detail::lexical_cast(text, value) && value > 0.0 ? std::string()
+                                                                 : "expected a time above 0 [s], found " + text;
+  });
   command->callback([&chosen, &log, request] { chosen = [&log, request] { return run_scene(*request, log); }; });
 }
 
@@ -89,7 +99,8 @@ void add_info(CLI::App& app, Command& chosen) {
 }
 
 void add_compare(CLI::App& app, Command& chosen) {
-  auto* command = app.add_subcommand("compare", "compares two files bit by bit; exit code 0: equal, 1: not equal, 2: cannot be read");
+  auto* command = app.add_subcommand(
+      "compare", "compares two files bit by bit; exit code 0: equal, 1: not equal, 2: cannot be read");
   auto files = std::make_shared<std::array<std::filesystem::path, 2>>();
   command->add_option("A", (*files)[0], "checkpoint, snapshot, or run directory (its latest checkpoint)")->required();
   command->add_option("B", (*files)[1], "the other one")->required();
@@ -107,11 +118,15 @@ void add_export(CLI::App& app, Command& chosen) {
   auto request = std::make_shared<ExportRequest>();
   command->add_option("RUN", request->run, "run directory, or one snapshot")->required();
   auto* kinds = command->add_option_group("format");
-  kinds->add_flag_callback("--vtk", [request] { request->kind = ExportKind::vtk; }, "VTK files and a .pvd series");
-  kinds->add_flag_callback("--csv", [request] { request->kind = ExportKind::csv; }, "a CSV table for each snapshot");
-  kinds->add_flag_callback("--povray", [request] { request->kind = ExportKind::povray; }, "POV-Ray scenes");
+  kinds->add_flag_callback(
+      "--vtk", [request] { request->kind = ExportKind::vtk; }, "VTK files and a .pvd series");
+  kinds->add_flag_callback(
+      "--csv", [request] { request->kind = ExportKind::csv; }, "a CSV table for each snapshot");
+  kinds->add_flag_callback(
+      "--povray", [request] { request->kind = ExportKind::povray; }, "POV-Ray scenes");
   kinds->require_option(1);
-  command->add_option("--frame", request->frame, "only this snapshot: 0, 1, ... from the first, -1, -2, ... from the last");
+  command->add_option("--frame", request->frame,
+                      "only this snapshot: 0, 1, ... from the first, -1, -2, ... from the last");
   command->add_option("--field", request->field, "POV-Ray: what the grains are coloured by (default: speed)");
   command->add_option("--out", request->out, "directory (default: RUN/vtk, RUN/csv, RUN/povray)");
   command->callback([&chosen, request] {
@@ -126,9 +141,13 @@ void add_render(CLI::App& app, Command& chosen) {
   auto* command = app.add_subcommand("render", "a picture (PNG) of a snapshot, by POV-Ray");
   auto request = std::make_shared<RenderRequest>();
   command->add_option("RUN", request->run, "run directory, or one snapshot")->required();
-  command->add_option("--frame", request->frame, "which snapshot: 0, 1, ... from the first, -1 (default), -2, ... from the last, or all");
+  command->add_option("--frame", request->frame,
+                      "which snapshot: 0, 1, ... from the first, -1 (default), -2, ... from the last, or all");
   command->add_option("--field", request->style.field, "what the grains are coloured by (default: speed)");
-  command->add_option("--range", request->style.range, "least and greatest value of the colours (default: those of the snapshot)")->expected(2);
+  command
+      ->add_option("--range", request->style.range,
+                   "least and greatest value of the colours (default: those of the snapshot)")
+      ->expected(2);
   command->add_option("--size", request->size, "WIDTHxHEIGHT in pixels (default: 1280x960)");
   command->add_option("--view", request->style.view, "azimuth and elevation of the camera [degrees]")->expected(2);
   command->add_option("--out", request->out, "file (default: RUN/pictures/STEP.png)");
@@ -147,6 +166,17 @@ void add_keys(CLI::App& app, Command& chosen) {
       return exit_code::good;
     };
   });
+}
+
+bool has_command(const CLI::App& app, const std::string& name) {
+  const auto is_named = [&](const CLI::App* command) { return command->get_name() == name; };
+  return !app.get_subcommands(is_named).empty();
+}
+
+std::string command_names(const CLI::App& app) {
+  std::string names;
+  for (const CLI::App* command : app.get_subcommands({})) names += (names.empty() ? "" : ", ") + command->get_name();
+  return names;
 }
 
 int carry_out(const Command& command, bool is_run) {
@@ -194,6 +224,13 @@ int main(int argc, char** argv) {
   add_export(app, chosen);
   add_render(app, chosen);
   add_keys(app, chosen);
+  if (argc < 2) {
+    std::fputs(app.help().c_str(), stderr);
+    return exit_code::bad_input;
+  }
+  if (argv[1][0] != '-' && !has_command(app, argv[1]))
+    return complain("unknown command \"" + std::string(argv[1]) + "\"; there are " + command_names(app),
+                    exit_code::bad_input);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

@@ -15,14 +15,24 @@ namespace fs = std::filesystem;
 
 namespace {
 
-const std::vector<std::string> energy_columns = {
-    "time [s]",          "kinetic [J]",          "rotational [J]",     "elastic_normal [J]", "elastic_tangential [J]",
-    "potential [J]",     "lost_normal [J]",      "lost_tangential [J]", "lost_friction [J]", "lost_drag [J]",
-    "left [J]",          "total [J]",            "error [J]"};
+const std::vector<std::string> energy_columns = {"time [s]",
+                                                 "kinetic [J]",
+                                                 "rotational [J]",
+                                                 "elastic_normal [J]",
+                                                 "elastic_tangential [J]",
+                                                 "potential [J]",
+                                                 "lost_normal [J]",
+                                                 "lost_tangential [J]",
+                                                 "lost_friction [J]",
+                                                 "lost_drag [J]",
+                                                 "left [J]",
+                                                 "total [J]",
+                                                 "error [J]"};
 
 std::vector<double> energy_values(double time, const EnergyLedger& e) {
-  return {time,          e.kinetic,         e.rotational,    e.elastic_normal, e.elastic_tangential, e.potential, e.lost_normal,
-          e.lost_tangential, e.lost_friction, e.lost_drag, e.left,           e.total(),            e.error()};
+  return {time,        e.kinetic,     e.rotational,      e.elastic_normal, e.elastic_tangential,
+          e.potential, e.lost_normal, e.lost_tangential, e.lost_friction,  e.lost_drag,
+          e.left,      e.total(),     e.error()};
 }
 
 std::string energy_line(double time, const EnergyLedger& e) {
@@ -50,20 +60,26 @@ bool is_taken(const std::vector<Probe>& probes, const std::string& name) {
 
 Outputs::Outputs(const fs::path& directory, const Simulation& simulation, RunRecord record,
                  std::optional<std::uint64_t> restart, Log& log)
-    : directory_(directory), record_(std::move(record)), log_(&log),
+    : directory_(directory),
+      record_(std::move(record)),
+      log_(&log),
       fields_(snapshot_fields(simulation.scene().output.fields)),
       checkpoints_kept_(simulation.scene().output.checkpoints_kept),
       snapshots_(simulation.scene().output.snapshot_interval, simulation.time_step()),
-      checkpoints_(simulation.scene().output.checkpoint_interval, simulation.time_step()), series_(directory) {
-  if (restart) drop_later_outputs(*restart);
-  else if (series_.size() > 0) series_.drop_from(0);
+      checkpoints_(simulation.scene().output.checkpoint_interval, simulation.time_step()),
+      series_(directory) {
+  if (restart)
+    drop_later_outputs(*restart);
+  else if (series_.size() > 0)
+    series_.drop_from(0);
   open_tables(simulation, restart);
 }
 
 void Outputs::drop_later_outputs(std::uint64_t restart) {
   const int n_dropped = series_.drop_from(first_open_snapshot(restart));
   if (n_dropped > 0)
-    log_->say(fmt::format("{} later than the restart dropped", counted(static_cast<std::uint64_t>(n_dropped), "snapshot")));
+    log_->say(
+        fmt::format("{} later than the restart dropped", counted(static_cast<std::uint64_t>(n_dropped), "snapshot")));
   set_later_checkpoints_aside(restart);
 }
 
@@ -100,12 +116,14 @@ void Outputs::open_tables(const Simulation& simulation, std::optional<std::uint6
     return directory_ / (std::string(is_taken(output.probes, name) ? other : name) + ".csv");
   };
   if (output.energy) energy_.emplace(free_name("energy", "energy_ledger"), energy_columns, snapshot_rows);
-  hashes_.emplace(free_name("hashes", "state_hashes"), std::vector<std::string>{"time [s]", "state_hash"}, snapshot_rows);
+  hashes_.emplace(free_name("hashes", "state_hashes"), std::vector<std::string>{"time [s]", "state_hash"},
+                  snapshot_rows);
 }
 
 bool Outputs::is_due(std::uint64_t step) const {
   return snapshots_.is_due(step) || checkpoints_.is_due(step) ||
-         std::any_of(probes_.begin(), probes_.end(), [&](const ProbeTable& probe) { return probe.schedule.is_due(step); });
+         std::any_of(probes_.begin(), probes_.end(),
+                     [&](const ProbeTable& probe) { return probe.schedule.is_due(step); });
 }
 
 void Outputs::write_due(Simulation& simulation) {
@@ -113,7 +131,6 @@ void Outputs::write_due(Simulation& simulation) {
   if (!is_due(step)) return;
   {
     const WallClock clock;
-    check_grains(simulation);
     write_probes(simulation);
     seconds_ += clock.seconds();
   }
@@ -121,10 +138,10 @@ void Outputs::write_due(Simulation& simulation) {
   if (checkpoints_.is_due(step) && step > 0) write_checkpoint_now(simulation);
 }
 
-void Outputs::check_grains(const Simulation& simulation) const {
-  if (simulation.n_grains() + simulation.n_left() == simulation.n_born()) return;
+void Outputs::check_grains(const Simulation& simulation, const Image& image) const {
+  if (image.n_grains + simulation.n_left() == simulation.n_born()) return;
   throw RunError(fmt::format("grains are missing at {} s: {} were born, but {} are inside and {} left through outlets",
-                             simulation.time(), simulation.n_born(), simulation.n_grains(), simulation.n_left()));
+                             simulation.time(), simulation.n_born(), image.n_grains, simulation.n_left()));
 }
 
 void Outputs::write_probes(Simulation& simulation) {
@@ -149,6 +166,7 @@ void Outputs::write_snapshot_now(const Simulation& simulation) {
   if (series_.contains(step)) return;
   const WallClock clock;
   const Image image = simulation.snapshot(fields_);
+  check_grains(simulation, image);
   series_.add(image);
   hashes_->add_text(step, {number_text(simulation.time()), image.hash.text()});
   write_energy(simulation);

@@ -54,7 +54,7 @@ class Outputs {
   void open_tables(const Simulation& simulation, std::optional<std::uint64_t> restart);
   void write_probes(Simulation& simulation);
   void write_energy(const Simulation& simulation);
-  void check_grains(const Simulation& simulation) const;
+  void check_grains(const Simulation& simulation, const Image& image) const;
 
   std::filesystem::path directory_;
   RunRecord record_;

@@ -14,7 +14,11 @@ constexpr double speed_window = 3.0;             // [s]
 }  // namespace
 
 Progress::Progress(Log& log, std::uint64_t first_step, std::uint64_t last_step, double time_step)
-    : log_(&log), first_step_(first_step), last_step_(last_step), time_step_(time_step), shown_step_(first_step),
+    : log_(&log),
+      first_step_(first_step),
+      last_step_(last_step),
+      time_step_(time_step),
+      shown_step_(first_step),
       window_step_(first_step) {}
 
 bool Progress::is_due(double now, std::uint64_t step) const {
@@ -35,8 +39,8 @@ std::string Progress::line(double now, std::uint64_t step) {
   const double percent = 100.0 * static_cast<double>(step) / static_cast<double>(last_step_);
   const double left = static_cast<double>(last_step_ - step) / steps_per_second_;
   return fmt::format("{:.5g} s of {:.5g} s  {:.1f} %  step {} of {}  {:.2f} M particle-steps/s  {} left",
-                     static_cast<double>(step) * time_step_, static_cast<double>(last_step_) * time_step_, percent, step,
-                     last_step_, speed_ * 1e-6, duration_text(left));
+                     static_cast<double>(step) * time_step_, static_cast<double>(last_step_) * time_step_, percent,
+                     step, last_step_, speed_ * 1e-6, duration_text(left));
 }
 
 void Progress::update(std::uint64_t step, std::uint64_t n_grains) {

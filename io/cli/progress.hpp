@@ -34,12 +34,12 @@ class Progress {
   std::uint64_t first_step_, last_step_;
   double time_step_;
   WallClock clock_;
-  double shown_at_ = 0.0;            // [s]
+  double shown_at_ = 0.0;  // [s]
   std::uint64_t shown_step_ = 0;
-  double window_start_ = 0.0;        // [s] speed is taken over the last seconds, so that it follows the flow
+  double window_start_ = 0.0;  // [s] speed is taken over the last seconds, so that it follows the flow
   std::uint64_t window_step_ = 0;
-  double window_work_ = 0.0;         // particle-steps since window_start_
-  double speed_ = 0.0;               // particle-steps/s
+  double window_work_ = 0.0;  // particle-steps since window_start_
+  double speed_ = 0.0;        // particle-steps/s
   double steps_per_second_ = 0.0;
 };
 

@@ -72,7 +72,7 @@ Start start_auto(const RunRequest& request, const Scene& scene, Log& log) {
   return start;
 }
 
-Start find_start(const RunRequest& request, const Scene& scene, Log& log) {
+Start find_checkpoint_and_place(const RunRequest& request, const Scene& scene, Log& log) {
   if (request.restart == "auto") return start_auto(request, scene, log);
   Start start;
   if (!request.restart) {
@@ -88,11 +88,21 @@ Start find_start(const RunRequest& request, const Scene& scene, Log& log) {
   return start;
 }
 
+/// A checkpoint that cannot be read is a bad request: nothing has been done yet.
+Start find_start(const RunRequest& request, const Scene& scene, Log& log) {
+  try {
+    return find_checkpoint_and_place(request, scene, log);
+  } catch (const StorageError& error) {
+    throw UsageError(error.what());
+  }
+}
+
 /// A directory and those of its parents that were not there before.
 class MadeDirectories {
  public:
   explicit MadeDirectories(const fs::path& directory) {
-    for (fs::path path = fs::absolute(directory).lexically_normal(); !path.empty() && !fs::exists(path); path = path.parent_path())
+    for (fs::path path = fs::absolute(directory).lexically_normal(); !path.empty() && !fs::exists(path);
+         path = path.parent_path())
       made_.push_back(path);
     make_directory(directory);
   }
@@ -119,7 +129,8 @@ std::string scene_differences(const std::string& before, const std::string& now)
   int n_shown = 0;
   const auto show = [&](const std::vector<std::string>& from, const std::vector<std::string>& in, const char* mark) {
     for (const std::string& line : from)
-      if (std::find(in.begin(), in.end(), line) == in.end() && n_shown++ < 10) text += fmt::format("\n  {} {}", mark, line);
+      if (std::find(in.begin(), in.end(), line) == in.end() && n_shown++ < 10)
+        text += fmt::format("\n  {} {}", mark, line);
   };
   show(a, b, "-");
   show(b, a, "+");
@@ -130,9 +141,11 @@ std::string scene_differences(const std::string& before, const std::string& now)
 void write_record(const Start& start, const RunRecord& record, const Layout& layout, Log& log) {
   const fs::path scene_file = start.directory / "scene.toml";
   if (start.checkpoint && start.checkpoint->record.scene != record.scene) {
-    log.warn("the scene has changed since the checkpoint:" + scene_differences(start.checkpoint->record.scene, record.scene));
+    log.warn("the scene has changed since the checkpoint:" +
+             scene_differences(start.checkpoint->record.scene, record.scene));
     if (start.goes_on_in_directory && fs::exists(scene_file))
-      write_file(start.directory / fmt::format("scene.until-step-{}.toml", start.checkpoint->image.step), read_file(scene_file));
+      write_file(start.directory / fmt::format("scene.until-step-{}.toml", start.checkpoint->image.step),
+                 read_file(scene_file));
   }
   write_file(scene_file, record.scene);
   write_file(start.directory / "version.txt", program_identity() + "\nlayout " + layout.text() + '\n');
@@ -143,8 +156,9 @@ Simulation make_simulation(const Scene& scene, const Layout& layout, const Start
   Simulation simulation(scene, layout.threads, start.checkpoint->image);
   const Hash128 restored = simulation.state_hash();
   if (!(restored == start.checkpoint->image.hash))
-    throw StorageError(start.checkpoint_path, "cannot be gone on from: the state restored has the hash " + restored.text() +
-                                                  ", the one stored " + start.checkpoint->image.hash.text() +
+    throw StorageError(start.checkpoint_path, "cannot be gone on from: the state restored has the hash " +
+                                                  restored.text() + ", the one stored " +
+                                                  start.checkpoint->image.hash.text() +
                                                   "; this program and the one that wrote it differ");
   return simulation;
 }
@@ -155,13 +169,17 @@ std::uint64_t last_step(const RunRequest& request, const Simulation& simulation,
   if (!request.until) return n_steps;
   const std::uint64_t wanted = steps_until(*request.until, simulation.time_step());
   if (wanted > n_steps)
-    log.warn(fmt::format("--until {} s lies behind the end of the scene, {} s, where the run will end (--set time.end={} goes on)",
-                         *request.until, simulation.scene().time.end, *request.until));
+    log.warn(fmt::format(
+        "--until {} s lies behind the end of the scene, {} s, where the run will end (--set time.end={} goes on)",
+        *request.until, simulation.scene().time.end, *request.until));
   return std::min(wanted, n_steps);
 }
 
 std::string shell_quoted(const std::string& word) {
-  const auto is_plain = [](char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0 || std::string_view("_-./=,:+@").find(c) != std::string_view::npos; };
+  const auto is_plain = [](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) != 0 ||
+           std::string_view("_-./=,:+@").find(c) != std::string_view::npos;
+  };
   if (!word.empty() && std::all_of(word.begin(), word.end(), is_plain)) return word;
   std::string quoted = "'";
   for (const char c : word) quoted += c == '\'' ? "'\\''" : std::string(1, c);
@@ -181,7 +199,11 @@ class RunLoop {
  public:
   RunLoop(const RunRequest& request, const Start& start, const Layout& layout, Simulation& simulation, RunRecord record,
           double start_seconds, Log& log)
-      : request_(request), directory_(start.directory), layout_(layout), simulation_(simulation), log_(log),
+      : request_(request),
+        directory_(start.directory),
+        layout_(layout),
+        simulation_(simulation),
+        log_(log),
         last_step_(last_step(request, simulation, log)),
         outputs_(start.directory, simulation, std::move(record), kept_until(start), log) {
     times_.start = start_seconds;
@@ -230,7 +252,9 @@ class RunLoop {
   }
 
   int end_well() {
-    if (outputs_.n_snapshots() > 0) log_.say(fmt::format("{} in {}", counted(outputs_.n_snapshots(), "snapshot"), (directory_ / "snapshots.xdmf").string()));
+    if (outputs_.n_snapshots() > 0)
+      log_.say(fmt::format("{} in {}", counted(outputs_.n_snapshots(), "snapshot"),
+                           (directory_ / "snapshots.xdmf").string()));
     finish();
     if (last_step_ < simulation_.plan().n_steps) log_.say("to go on: " + go_on_command(request_, directory_));
     return exit_code::good;
@@ -255,9 +279,9 @@ class RunLoop {
 
   void say_how_to_go_on() {
     const std::optional<fs::path> checkpoint = outputs_.last_checkpoint() ? outputs_.last_checkpoint() : resume_from_;
-    const std::string text =
-        checkpoint ? fmt::format("the last checkpoint is {}\nto go on from it: {}", checkpoint->string(), go_on_command(request_, directory_))
-                   : "there is no checkpoint to go on from yet";
+    const std::string text = checkpoint ? fmt::format("the last checkpoint is {}\nto go on from it: {}",
+                                                      checkpoint->string(), go_on_command(request_, directory_))
+                                        : "there is no checkpoint to go on from yet";
     try {
       log_.say(text);
     } catch (const StorageError&) { /* said on the terminal all the same */
@@ -276,15 +300,16 @@ class RunLoop {
   std::optional<fs::path> resume_from_;
 };
 
-void say_what_runs(const Scene& scene, const Simulation& simulation, const Start& start, const Layout& layout, Log& log) {
+void say_what_runs(const Scene& scene, const Simulation& simulation, const Start& start, const Layout& layout,
+                   Log& log) {
   if (!scene.title.empty()) log.say(scene.title);
   const Plan& plan = simulation.plan();
-  log.say(fmt::format("{}, step {:.6g} s ({}), {}, layout {}", counted(simulation.n_grains(), "grain"), simulation.time_step(),
-                      plan.time_step.limit, counted(plan.n_steps, "step"), layout.text()));
+  log.say(fmt::format("{}, {} of {:.6g} s, layout {}", counted(simulation.n_grains(), "grain"),
+                      counted(plan.n_steps, "step"), simulation.time_step(), layout.text()));
   for (const std::string& warning : plan.warnings) log.warn(warning);
   if (start.checkpoint)
-    log.say(fmt::format("going on from {}: step {}, {:.6g} s", start.checkpoint_path.string(), start.checkpoint->image.step,
-                        start.checkpoint->image.time));
+    log.say(fmt::format("going on from {}: step {}, {:.6g} s", start.checkpoint_path.string(),
+                        start.checkpoint->image.step, start.checkpoint->image.time));
 }
 
 }  // namespace
@@ -297,10 +322,12 @@ int run_scene(const RunRequest& request, Log& log) {
   const Layout layout = parse_layout(request.layout.value_or(scene.run.layout));
   for (const SceneMessage& warning : warnings) log.warn(warning.text());
   if (layout.threads > available_cores())
-    log.warn(fmt::format("layout {} asks for more threads than the {} cores that this process may use", layout.text(), available_cores()));
+    log.warn(fmt::format("layout {} asks for more threads than the {} cores that this process may use", layout.text(),
+                         available_cores()));
   const Start start = find_start(request, scene, log);
 
-  const MadeDirectories made(start.directory);  // before the scene is filled: a place that cannot be written is found at once
+  const MadeDirectories made(
+      start.directory);  // before the scene is filled: a place that cannot be written is found at once
   try {
     Simulation simulation = make_simulation(scene, layout, start);
     scene.particles.clear();  // lists of start positions weigh as much as the grains

@@ -12,11 +12,11 @@ namespace moraine {
 
 struct RunRequest {
   std::filesystem::path scene_file;
-  std::vector<std::string> overrides;          // "key=value"
-  std::optional<std::string> layout;           // none: the scene's
-  std::optional<std::filesystem::path> out;    // none: see new_run_directory()
-  std::optional<std::string> restart;          // "auto" or a checkpoint
-  std::optional<double> until;                 // [s]
+  std::vector<std::string> overrides;        // "key=value"
+  std::optional<std::string> layout;         // none: the scene's
+  std::optional<std::filesystem::path> out;  // none: see new_run_directory()
+  std::optional<std::string> restart;        // "auto" or a checkpoint
+  std::optional<double> until;               // [s]
 };
 
 /// Exit codes of the program.

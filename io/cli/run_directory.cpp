@@ -51,15 +51,18 @@ std::string run_name(const fs::path& scene_file) {
 }
 
 bool holds_run(const fs::path& directory) {
-  return fs::exists(directory / "scene.toml") || fs::exists(directory / "checkpoints") || fs::exists(directory / "snapshots");
+  return fs::exists(directory / "scene.toml") || fs::exists(directory / "checkpoints") ||
+         fs::exists(directory / "snapshots");
 }
 
 fs::path new_run_directory(const fs::path& scene_file, const Scene& scene, const std::optional<fs::path>& out) {
   if (out) {
     if (is_empty_or_missing(*out)) return *out;
-    throw UsageError(out->string() + (!fs::is_directory(*out) ? " is a file; --out expects a directory"
-                                      : holds_run(*out)       ? " holds a run already; choose another --out, or go on with it by --restart auto"
-                                                              : " is not empty; choose another --out"));
+    throw UsageError(out->string() +
+                     (!fs::is_directory(*out) ? " is a file; --out expects a directory"
+                      : holds_run(*out)
+                          ? " holds a run already; choose another --out, or go on with it by --restart auto"
+                          : " is not empty; choose another --out"));
   }
   const fs::path base = base_directory(scene_file, scene);
   for (int number = 1;; ++number)

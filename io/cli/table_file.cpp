@@ -29,18 +29,21 @@ std::string number_text(double value) { return fmt::format("{}", value); }
 
 std::string csv_cell(const std::string& text) {
   std::string cell = text;
-  std::replace_if(cell.begin(), cell.end(), [](char c) { return c == ',' || c == '\n' || c == '"'; }, ' ');
+  std::replace_if(
+      cell.begin(), cell.end(), [](char c) { return c == ',' || c == '\n' || c == '"'; }, ' ');
   return cell;
 }
 
-TableFile::TableFile(const fs::path& path, const std::vector<std::string>& columns, std::optional<std::uint64_t> keep_before) {
+TableFile::TableFile(const fs::path& path, const std::vector<std::string>& columns,
+                     std::optional<std::uint64_t> keep_before) {
   std::string header = "step";
   for (const std::string& column : columns) header += ',' + csv_cell(column);
   header += '\n';
   const std::string old = keep_before && fs::exists(path) ? read_file(path) : std::string();
   const bool goes_on = old.find('\n') != std::string::npos;
   if (goes_on && !old.starts_with(header))
-    throw StorageError(path, "has other columns than this run would write; use --out with a new directory to go on there");
+    throw StorageError(path,
+                       "has other columns than this run would write; use --out with a new directory to go on there");
   file_ = std::make_unique<FileHandle>(path, O_RDWR | O_CREAT);
   if (goes_on) {
     end_ = kept_length(old, *keep_before);

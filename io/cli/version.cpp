@@ -7,7 +7,8 @@ namespace moraine {
 std::string program_version() { return MORAINE_VERSION; }
 std::string program_commit() { return MORAINE_COMMIT; }
 std::string program_identity() {
-  return "moraine " + program_version() + " (commit " + program_commit() + "), " MORAINE_BUILD ", compiler " __VERSION__;
+  return "moraine " + program_version() + " (commit " + program_commit() +
+         "), " MORAINE_BUILD ", compiler " __VERSION__;
 }
 
 }  // namespace moraine

@@ -12,7 +12,8 @@ constexpr double half_angle = 14.0 * std::numbers::pi / 180.0;  // of the height
 constexpr double margin = 0.94;                                 // share of the picture that the box may fill
 
 Vec3 corner(const Box& box, int i) {
-  return {(i & 1) != 0 ? box.high.x : box.low.x, (i & 2) != 0 ? box.high.y : box.low.y, (i & 4) != 0 ? box.high.z : box.low.z};
+  return {(i & 1) != 0 ? box.high.x : box.low.x, (i & 2) != 0 ? box.high.y : box.low.y,
+          (i & 4) != 0 ? box.high.z : box.low.z};
 }
 
 /// Extent of the box on the picture.

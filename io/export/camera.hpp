@@ -6,12 +6,12 @@
 namespace moraine {
 
 struct Camera {
-  Vec3 place;               // [m]
-  Vec3 ahead, right, up;    // unit vectors, a right-handed view: right = ahead x up
-  double tan_x = 0.0;       // half the width of the picture over its distance
+  Vec3 place;             // [m]
+  Vec3 ahead, right, up;  // unit vectors, a right-handed view: right = ahead x up
+  double tan_x = 0.0;     // half the width of the picture over its distance
   double tan_y = 0.0;
-  bool is_parallel = false; // orthographic: tan_x, tan_y times `distance` are half the width and height [m]
-  double distance = 0.0;    // [m] from the middle of the box
+  bool is_parallel = false;  // orthographic: tan_x, tan_y times `distance` are half the width and height [m]
+  double distance = 0.0;     // [m] from the middle of the box
 
   /// Where on the picture a point appears, each from -1 to 1.
   Vec3 project(Vec3 point) const;

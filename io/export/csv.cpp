@@ -15,8 +15,10 @@ std::string header(const Image& image) {
     const FieldInfo& row = info(array.field);
     for (int c = 0; c < row.components; ++c) {
       text += fmt::format("{}{}", text.empty() ? "" : ",", row.name);
-      if (row.components == 3) text += fmt::format(".{}", axes[c]);
-      else if (row.components > 1) text += fmt::format(".{}", c);
+      if (row.components == 3)
+        text += fmt::format(".{}", axes[c]);
+      else if (row.components > 1)
+        text += fmt::format(".{}", c);
       if (!row.unit.empty()) text += fmt::format(" [{}]", row.unit);
     }
   }
@@ -28,7 +30,8 @@ void append_values(std::string& text, const FieldArray& array, std::size_t grain
   auto out = std::back_inserter(text);
   switch (info(array.field).type) {
     case FieldType::real:
-      for (std::size_t c = 0; c < width; ++c) fmt::format_to(out, "{}{}", c == 0 ? "" : ",", array.reals[grain * width + c]);
+      for (std::size_t c = 0; c < width; ++c)
+        fmt::format_to(out, "{}{}", c == 0 ? "" : ",", array.reals[grain * width + c]);
       break;
     case FieldType::gid: fmt::format_to(out, "{}", array.gids[grain]); break;
     case FieldType::index: fmt::format_to(out, "{}", array.indices[grain]); break;

@@ -45,9 +45,10 @@ std::string export_run(const ExportRequest& request) {
       case ExportKind::csv: written.emplace_back(image.time, stem + ".csv"); break;
       case ExportKind::povray: written.emplace_back(image.time, stem + ".pov"); break;
     }
-    write_file(out / written.back().second, request.kind == ExportKind::vtk   ? vtp_text(image)
-                                            : request.kind == ExportKind::csv ? csv_text(image)
-                                                                              : povray_text(image, scene ? &*scene : nullptr, style));
+    write_file(out / written.back().second, request.kind == ExportKind::vtk ? vtp_text(image)
+                                            : request.kind == ExportKind::csv
+                                                ? csv_text(image)
+                                                : povray_text(image, scene ? &*scene : nullptr, style));
   }
   std::string text = fmt::format("{} {} in {}", written.size(), written.size() == 1 ? "file" : "files", out.string());
   if (request.kind == ExportKind::vtk) {

@@ -12,7 +12,7 @@ namespace moraine {
 enum class ExportKind { vtk, csv, povray };
 
 struct ExportRequest {
-  std::filesystem::path run;                 // run directory, or one snapshot
+  std::filesystem::path run;  // run directory, or one snapshot
   ExportKind kind = ExportKind::vtk;
   std::optional<int> frame;                  // none: all
   std::string field = "speed";               // POV-Ray: what the grains are coloured by

@@ -13,7 +13,8 @@ const fs::path& Frames::at(int number) const {
   const int n = static_cast<int>(files.size());
   const int index = number < 0 ? n + number : number;
   if (index < 0 || index >= n)
-    throw ExportError(fmt::format("frame {} does not exist: {} has frames 0 to {} (or -1, -2, ... from the last)", number, directory.string(), n - 1));
+    throw ExportError(fmt::format("frame {} does not exist: {} has frames 0 to {} (or -1, -2, ... from the last)",
+                                  number, directory.string(), n - 1));
   return files[static_cast<std::size_t>(index)];
 }
 

@@ -56,7 +56,8 @@ constexpr Derived derived[] = {
 
 std::string known_names(const Image& image) {
   std::string names;
-  for (const FieldArray& array : image.fields) names += std::string(names.empty() ? "" : ", ") + std::string(info(array.field).name);
+  for (const FieldArray& array : image.fields)
+    names += std::string(names.empty() ? "" : ", ") + std::string(info(array.field).name);
   for (const Derived& row : derived)
     if (image.find(row.field) != nullptr) names += std::string(", ") + row.name;
   return names + "; a component of a vector by .x, .y, .z";
@@ -68,12 +69,14 @@ GrainValues grain_values(const Image& image, const std::string& name) {
   for (const Derived& row : derived) {
     const FieldArray* array = image.find(row.field);
     if (name != row.name || array == nullptr) continue;
-    GrainValues found{with_unit(name, row.unit), row.component < 0 ? lengths(*array) : component(*array, static_cast<std::size_t>(row.component))};
+    GrainValues found{with_unit(name, row.unit),
+                      row.component < 0 ? lengths(*array) : component(*array, static_cast<std::size_t>(row.component))};
     for (double& value : found.values) value = row.change(value);
     return found;
   }
   const std::size_t dot = name.rfind('.');
-  const bool has_component = dot != std::string::npos && name.size() == dot + 2 && name[dot + 1] >= 'x' && name[dot + 1] <= 'z';
+  const bool has_component =
+      dot != std::string::npos && name.size() == dot + 2 && name[dot + 1] >= 'x' && name[dot + 1] <= 'z';
   const std::optional<Field> field = field_by_name(has_component ? name.substr(0, dot) : name);
   const FieldArray* array = field ? image.find(*field) : nullptr;
   if (array == nullptr || (has_component && info(*field).components != 3))

@@ -9,8 +9,8 @@
 namespace moraine {
 
 struct GrainValues {
-  std::string label;            // "speed [m/s]"
-  std::vector<double> values;   // in order of gid
+  std::string label;           // "speed [m/s]"
+  std::vector<double> values;  // in order of gid
 };
 
 /// A scalar field; a vector field (its length) or a component of it ("velocity.z"); or one of speed, diameter, x, y, z, mass.

@@ -38,7 +38,8 @@ void include_round(Box& box, Vec3 centre, Vec3 axis, double radius) {
 /// POV-Ray's tolerances are absolute: pictures are drawn in units in which what they show is about 10 across, around the origin.
 class Drawing {
  public:
-  explicit Drawing(const Box& frame) : middle_(0.5 * (frame.low + frame.high)), scale_(10.0 / std::max(length(frame.size()), 1e-300)) {}
+  explicit Drawing(const Box& frame)
+      : middle_(0.5 * (frame.low + frame.high)), scale_(10.0 / std::max(length(frame.size()), 1e-300)) {}
   Vec3 point(Vec3 p) const { return scale_ * (p - middle_); }
   double length_of(double l) const { return scale_ * l; }
   Box box(const Box& b) const { return {point(b.low), point(b.high)}; }
@@ -60,7 +61,8 @@ class Drawing {
   }
   std::vector<WallDefinition> walls(const Scene& scene) const {
     std::vector<WallDefinition> drawn = scene.walls;
-    for (WallDefinition& wall : drawn) wall.shape = std::visit([this](const auto& shape) { return decltype(wall.shape)((*this)(shape)); }, wall.shape);
+    for (WallDefinition& wall : drawn)
+      wall.shape = std::visit([this](const auto& shape) { return decltype(wall.shape)((*this)(shape)); }, wall.shape);
     return drawn;
   }
 
@@ -69,10 +71,18 @@ class Drawing {
   double scale_;
 };
 
-/// Adds a wall to a box; walls without end add nothing.
+/// Adds a wall to a box.
 struct Includer {
   Box& box;
-  void operator()(const PlaneShape&) const {}
+  void operator()(const PlaneShape& shape) const {
+    // A floor belongs to the picture even where nothing touches it; slanted planes are shown where they cross it.
+    const Vec3 n = normalized(shape.normal);
+    for (int axis = 0; axis < 3; ++axis) {
+      if (std::abs(n[axis]) < 0.9999 || !(box.low[axis] <= box.high[axis])) continue;
+      box.low[axis] = std::min(box.low[axis], shape.point[axis]);
+      box.high[axis] = std::max(box.high[axis], shape.point[axis]);
+    }
+  }
   void operator()(const BoxShape& shape) const {
     box.include(shape.box.low);
     box.include(shape.box.high);
@@ -124,7 +134,8 @@ std::string light_text(const Camera& camera, const Box& frame) {
   return fmt::format(
       "light_source {{ {} color rgb 0.95 area_light {}, {}, 5, 5 adaptive 1 jitter circular orient }}\n"
       "light_source {{ {} color rgb 0.32 shadowless }}\n",
-      povray_vector(lamp), povray_vector(0.5 * size * camera.right), povray_vector(0.5 * size * camera.up), povray_vector(fill));
+      povray_vector(lamp), povray_vector(0.5 * size * camera.right), povray_vector(0.5 * size * camera.up),
+      povray_vector(fill));
 }
 
 std::string head_text() {
@@ -132,13 +143,16 @@ std::string head_text() {
          "global_settings { assumed_gamma 1.0 ambient_light rgb 1 }\n"
          "background { srgb <0.97, 0.975, 0.98> }\n"
          "#declare wall = texture { pigment { srgbt <0.72, 0.76, 0.80, 0.35> } finish { ambient 0.25 diffuse 0.6 } };\n"
-         "#declare glass_wall = texture { pigment { srgbt <0.55, 0.65, 0.75, 0.80> } finish { ambient 0.25 diffuse 0.55 } };\n"
+         "#declare glass_wall = texture { pigment { srgbt <0.55, 0.65, 0.75, 0.80> } finish { ambient 0.25 diffuse "
+         "0.55 } };\n"
          "#declare edge = texture { pigment { srgb <0.42, 0.46, 0.50> } finish { ambient 0.4 diffuse 0.5 } };\n"
          "#declare grain_finish = finish { ambient 0.22 diffuse 0.68 specular 0.18 roughness 0.04 };\n"
          "#declare flat_finish = finish { ambient 0 diffuse 0 emission 1 };\n";
 }
 
-std::string colour_text(Colour colour) { return fmt::format("srgb <{:.4f},{:.4f},{:.4f}>", colour.red, colour.green, colour.blue); }
+std::string colour_text(Colour colour) {
+  return fmt::format("srgb <{:.4f},{:.4f},{:.4f}>", colour.red, colour.green, colour.blue);
+}
 
 std::string palette_text() {
   std::string text = fmt::format("#declare grain = array[{}];\n", n_colours);
@@ -148,14 +162,16 @@ std::string palette_text() {
   return text;
 }
 
-std::string grains_text(const Image& image, const Drawing& drawing, const std::vector<double>& values, double low, double high) {
+std::string grains_text(const Image& image, const Drawing& drawing, const std::vector<double>& values, double low,
+                        double high) {
   const std::vector<double>& x = image.find(Field::position)->reals;
   const std::vector<double>& radius = image.find(Field::radius)->reals;
   std::string text;
   for (std::size_t i = 0; i < radius.size(); ++i) {
     const double share = high > low ? std::clamp((values[i] - low) / (high - low), 0.0, 1.0) : 0.5;
     const int colour = std::isfinite(share) ? static_cast<int>(std::lround(share * (n_colours - 1))) : 0;
-    text += fmt::format("sphere {{ {}, {:.9g} texture {{ grain[{}] }} }}\n", povray_vector(drawing.point({x[3 * i], x[3 * i + 1], x[3 * i + 2]})),
+    text += fmt::format("sphere {{ {}, {:.9g} texture {{ grain[{}] }} }}\n",
+                        povray_vector(drawing.point({x[3 * i], x[3 * i + 1], x[3 * i + 2]})),
                         drawing.length_of(radius[i]), colour);
   }
   return text;
@@ -187,8 +203,10 @@ class Overlay {
 
   std::string quad(double x0, double y0, double x1, double y1, const std::string& colour) const {
     return fmt::format(
-        "mesh {{ triangle {{ {0}, {1}, {2} }} triangle {{ {0}, {2}, {3} }} texture {{ pigment {{ {4} }} finish {{ flat_finish }} }} no_shadow }}\n",
-        povray_vector(at(x0, y0)), povray_vector(at(x1, y0)), povray_vector(at(x1, y1)), povray_vector(at(x0, y1)), colour);
+        "mesh {{ triangle {{ {0}, {1}, {2} }} triangle {{ {0}, {2}, {3} }} texture {{ pigment {{ {4} }} finish {{ "
+        "flat_finish }} }} no_shadow }}\n",
+        povray_vector(at(x0, y0)), povray_vector(at(x1, y0)), povray_vector(at(x1, y1)), povray_vector(at(x0, y1)),
+        colour);
   }
 
   /// Text whose left end stands at (x, y).
@@ -198,8 +216,10 @@ class Overlay {
     const double scale = unit_ * height;
     const Vec3 r = scale * camera_.right, u = scale * camera_.up, d = scale * camera_.ahead, p = at(x, y, 0.001);
     return fmt::format(
-        "text {{ internal 2 \"{}\" 0.01, 0 texture {{ pigment {{ srgb <0.15, 0.17, 0.20> }} finish {{ flat_finish }} }}\n"
-        "  matrix <{:.9g},{:.9g},{:.9g}, {:.9g},{:.9g},{:.9g}, {:.9g},{:.9g},{:.9g}, {:.9g},{:.9g},{:.9g}> no_shadow }}\n",
+        "text {{ internal 2 \"{}\" 0.01, 0 texture {{ pigment {{ srgb <0.15, 0.17, 0.20> }} finish {{ flat_finish }} "
+        "}}\n"
+        "  matrix <{:.9g},{:.9g},{:.9g}, {:.9g},{:.9g},{:.9g}, {:.9g},{:.9g},{:.9g}, {:.9g},{:.9g},{:.9g}> no_shadow "
+        "}}\n",
         escaped, r.x, r.y, r.z, u.x, u.y, u.z, d.x, d.y, d.z, p.x, p.y, p.z);
   }
 
@@ -211,12 +231,15 @@ class Overlay {
   double depth_ = 0.0, unit_ = 0.0;
 };
 
-std::string legend_text(const Overlay& overlay, double left, const std::string& label, double low, double high, double time, std::uint64_t n_grains) {
-  const double x = std::min(left, overlay.right_edge() - 0.31), width = 0.045, bottom = -0.45, top = 0.45, height = 0.052;
+std::string legend_text(const Overlay& overlay, double left, const std::string& label, double low, double high,
+                        double time, std::uint64_t n_grains) {
+  const double x = std::min(left, overlay.right_edge() - 0.31), width = 0.045, bottom = -0.45, top = 0.45,
+               height = 0.052;
   std::string text = overlay.bar(x, bottom, top, width);
   for (int i = 0; i <= 4; ++i) {
     const double y = bottom + (top - bottom) * i / 4.0;
-    text += overlay.text(fmt::format("{:.3g}", low + (high - low) * i / 4.0), x + width + 0.025, y - 0.3 * height, height);
+    text +=
+        overlay.text(fmt::format("{:.3g}", low + (high - low) * i / 4.0), x + width + 0.025, y - 0.3 * height, height);
   }
   text += overlay.text(label, x, top + 0.07, height);
   text += overlay.text(fmt::format("t = {:.4g} s", time), x, bottom - 0.13, height);
@@ -228,7 +251,8 @@ std::string legend_text(const Overlay& overlay, double left, const std::string& 
 Box frame_of(const Image& image, const Scene* scene) {
   Box box = Box::empty();
   const FieldArray *positions = image.find(Field::position), *radii = image.find(Field::radius);
-  if (positions == nullptr || radii == nullptr) throw ExportError("a picture needs the fields position and radius in the snapshot");
+  if (positions == nullptr || radii == nullptr)
+    throw ExportError("a picture needs the fields position and radius in the snapshot");
   const std::vector<double>& x = positions->reals;
   for (std::size_t i = 0; i < radii->reals.size(); ++i) {
     const Vec3 r{radii->reals[i], radii->reals[i], radii->reals[i]}, p{x[3 * i], x[3 * i + 1], x[3 * i + 2]};
@@ -244,7 +268,8 @@ Box frame_of(const Image& image, const Scene* scene) {
 std::string povray_text(const Image& image, const Scene* scene, const PictureStyle& style) {
   const Box frame = style.frame ? *style.frame : frame_of(image, scene);
   const GrainValues values = grain_values(image, style.field);
-  const auto [low, high] = style.range.size() == 2 ? std::pair(style.range[0], style.range[1]) : usual_range(values.values);
+  const auto [low, high] =
+      style.range.size() == 2 ? std::pair(style.range[0], style.range[1]) : usual_range(values.values);
   const Drawing drawing(frame);
   const Box box = drawing.box(frame);
   const bool is_seen_flat = is_flat(image, scene) && style.view.empty();
@@ -252,11 +277,12 @@ std::string povray_text(const Image& image, const Scene* scene, const PictureSty
   const double elevation = style.view.size() == 2 ? style.view[1] : is_seen_flat ? 90.0 : 18.0;
   const Camera camera = frame_box(box, azimuth, elevation, style.aspect, legend_share, is_seen_flat);
   std::string text = head_text() + camera_text(camera, style.aspect) + light_text(camera, box) + palette_text();
-  text += povray_edges(box, 0.006, "edge");
+  if (scene == nullptr || scene->walls.empty()) text += povray_edges(box, 0.01, "edge");
   if (scene != nullptr) text += povray_walls(drawing.walls(*scene), box, camera, image.time);
   text += grains_text(image, drawing, values.values, low, high);
   const double legend_left = right_end(camera, box) * style.aspect + 0.12;
-  return text + legend_text(Overlay(camera, style.aspect), legend_left, values.label, low, high, image.time, image.n_grains);
+  return text +
+         legend_text(Overlay(camera, style.aspect), legend_left, values.label, low, high, image.time, image.n_grains);
 }
 
 }  // namespace moraine

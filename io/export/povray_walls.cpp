@@ -14,14 +14,17 @@ namespace {
 constexpr double line_share = 0.0012;  // thickness of lines over the size of the picture's box
 
 Vec3 corner(const Box& box, int i) {
-  return {(i & 1) != 0 ? box.high.x : box.low.x, (i & 2) != 0 ? box.high.y : box.low.y, (i & 4) != 0 ? box.high.z : box.low.z};
+  return {(i & 1) != 0 ? box.high.x : box.low.x, (i & 2) != 0 ? box.high.y : box.low.y,
+          (i & 4) != 0 ? box.high.z : box.low.z};
 }
 
 Vec3 clamped(Vec3 p, const Box& box) {
-  return {std::clamp(p.x, box.low.x, box.high.x), std::clamp(p.y, box.low.y, box.high.y), std::clamp(p.z, box.low.z, box.high.z)};
+  return {std::clamp(p.x, box.low.x, box.high.x), std::clamp(p.y, box.low.y, box.high.y),
+          std::clamp(p.z, box.low.z, box.high.z)};
 }
 
-std::string triangle_mesh(const std::vector<Vec3>& vertices, const std::vector<std::array<std::int32_t, 3>>& triangles, const char* texture) {
+std::string triangle_mesh(const std::vector<Vec3>& vertices, const std::vector<std::array<std::int32_t, 3>>& triangles,
+                          const char* texture) {
   std::string text = fmt::format("mesh2 {{\n vertex_vectors {{ {}", vertices.size());
   for (const Vec3 v : vertices) text += ",\n  " + povray_vector(v);
   text += fmt::format("\n }}\n face_indices {{ {}", triangles.size());
@@ -31,7 +34,8 @@ std::string triangle_mesh(const std::vector<Vec3>& vertices, const std::vector<s
 
 std::string line(Vec3 a, Vec3 b, double radius) {
   if (squared_length(b - a) == 0.0) return {};
-  return fmt::format("cylinder {{ {}, {}, {:.6g} texture {{ edge }} no_shadow }}\n", povray_vector(a), povray_vector(b), radius);
+  return fmt::format("cylinder {{ {}, {}, {:.6g} texture {{ edge }} no_shadow }}\n", povray_vector(a), povray_vector(b),
+                     radius);
 }
 
 /// The polygon in which a plane cuts a box, its corners in order around it.
@@ -63,7 +67,10 @@ class WallWriter {
  public:
   WallWriter(const Box& frame, const Camera& camera)
       // A little larger than the frame, so that planes on its faces are cut by it.
-      : frame_(frame), clip_(frame.grown(1e-6 * length(frame.size()))), camera_(camera), radius_(line_share * length(frame.size())) {}
+      : frame_(frame),
+        clip_(frame.grown(1e-6 * length(frame.size()))),
+        camera_(camera),
+        radius_(line_share * length(frame.size())) {}
 
   std::string operator()(const PlaneShape& plane) const {
     const std::vector<Vec3> points = cut_polygon(plane, clip_);
@@ -98,7 +105,9 @@ class WallWriter {
                        povray_vector(normalized(shape.normal)), shape.radius, shape.hole_radius);
   }
 
-  std::string operator()(const MeshShape& shape) const { return triangle_mesh(shape.mesh.vertices, shape.mesh.triangles, "glass_wall"); }
+  std::string operator()(const MeshShape& shape) const {
+    return triangle_mesh(shape.mesh.vertices, shape.mesh.triangles, "glass_wall");
+  }
 
  private:
   bool faces_camera(Vec3 point, Vec3 normal) const {
@@ -134,7 +143,8 @@ class WallWriter {
     const Vec3 axis = normalized(direction), top = base + far * axis;
     const double least = 1e-9 * length(frame_.size());  // POV-Ray refuses cones with two points, and bad radii
     return fmt::format(
-               "cone {{ {}, {:.9g}, {}, {:.9g} open texture {{ glass_wall }} no_shadow clipped_by {{ box {{ {}, {} }} }} }}\n",
+               "cone {{ {}, {:.9g}, {}, {:.9g} open texture {{ glass_wall }} no_shadow clipped_by {{ box {{ {}, {} }} "
+               "}} }}\n",
                povray_vector(base), std::max(radius_base, least), povray_vector(top), std::max(radius_top, 0.0),
                povray_vector(clip_.grown(radius_).low), povray_vector(clip_.grown(radius_).high)) +
            ring(base, axis, radius_base) + ring(top, axis, radius_top);
@@ -159,7 +169,8 @@ std::string povray_edges(const Box& box, double radius, const std::string& textu
   return text;
 }
 
-std::string povray_walls(const std::vector<WallDefinition>& walls, const Box& frame, const Camera& camera, double time) {
+std::string povray_walls(const std::vector<WallDefinition>& walls, const Box& frame, const Camera& camera,
+                         double time) {
   const WallWriter writer(frame, camera);
   std::string text;
   for (const WallDefinition& wall : walls) {

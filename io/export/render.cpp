@@ -78,8 +78,7 @@ int run_program(const std::vector<std::string>& words, const fs::path& output) {
   posix_spawn_file_actions_destroy(&actions);
   if (error != 0) throw ExportError(words[0] + " cannot be started: " + std::strerror(error));
   int status = 0;
-  while (::waitpid(process, &status, 0) < 0 && errno == EINTR) {
-  }
+  while (::waitpid(process, &status, 0) < 0 && errno == EINTR) {}
   return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
 }
 
@@ -117,12 +116,21 @@ class Workshop {
   fs::path path_;
 };
 
-void render_picture(const std::string& scene_text, const Size& size, const fs::path& picture, const fs::path& workshop) {
+void render_picture(const std::string& scene_text, const Size& size, const fs::path& picture,
+                    const fs::path& workshop) {
   write_file(workshop / "scene.pov", scene_text);
   const fs::path draft = workshop / "picture.png";
-  const std::vector<std::string> words = {"povray", "-D", "-P", "+FN8", "+A0.2", "+AM2", "+R3",
-                                          fmt::format("+W{}", size.width), fmt::format("+H{}", size.height),
-                                          "+I" + (workshop / "scene.pov").string(), "+O" + draft.string()};
+  const std::vector<std::string> words = {"povray",
+                                          "-D",
+                                          "-P",
+                                          "+FN8",
+                                          "+A0.1",
+                                          "+AM2",
+                                          "+R3",
+                                          fmt::format("+W{}", size.width),
+                                          fmt::format("+H{}", size.height),
+                                          "+I" + (workshop / "scene.pov").string(),
+                                          "+O" + draft.string()};
   const int code = run_program(words, workshop / "povray.log");
   if (code != 0 || !fs::exists(draft))
     throw ExportError(fmt::format("povray failed (exit code {}):{}", code, last_words(workshop / "povray.log")));
@@ -130,7 +138,8 @@ void render_picture(const std::string& scene_text, const Size& size, const fs::p
 }
 
 /// One frame and one range of colours for all pictures of a series, so that nothing jumps.
-void settle_style(PictureStyle& style, const std::vector<fs::path>& all, const std::vector<fs::path>& wanted, const Scene* scene) {
+void settle_style(PictureStyle& style, const std::vector<fs::path>& all, const std::vector<fs::path>& wanted,
+                  const Scene* scene) {
   Box frame = Box::empty();
   std::vector<fs::path> outer = wanted;
   outer.push_back(all.front());
@@ -157,7 +166,8 @@ std::string render_run(const RenderRequest& request) {
   const Frames frames = find_frames(request.run);
   const std::vector<fs::path> wanted = wanted_frames(frames, request.frame);
   if (!is_on_path("povray"))
-    throw ExportError("povray is not installed; on Debian and Ubuntu: apt-get install povray (or take moraine export --povray)");
+    throw ExportError(
+        "povray is not installed; on Debian and Ubuntu: apt-get install povray (or take moraine export --povray)");
   std::string why_no_scene;
   const std::optional<Scene> scene = scene_of(frames, why_no_scene);
   PictureStyle style = request.style;
@@ -171,7 +181,8 @@ std::string render_run(const RenderRequest& request) {
   std::string text;
   for (const fs::path& file : wanted) {
     const fs::path picture = has_own_name ? *request.out : folder / (frame_label(file) + ".png");
-    render_picture(povray_text(read_image_file(file).image, scene ? &*scene : nullptr, style), size, picture, workshop.path());
+    render_picture(povray_text(read_image_file(file).image, scene ? &*scene : nullptr, style), size, picture,
+                   workshop.path());
     text += picture.string() + '\n';
   }
   if (!scene) text += "without walls: " + why_no_scene + '\n';

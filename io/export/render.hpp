@@ -11,9 +11,9 @@
 namespace moraine {
 
 struct RenderRequest {
-  std::filesystem::path run;                 // run directory, or one snapshot
-  std::string frame = "-1";                  // number, from the last if negative; or "all"
-  std::string size = "1280x960";             // WIDTHxHEIGHT [pixels]
+  std::filesystem::path run;      // run directory, or one snapshot
+  std::string frame = "-1";       // number, from the last if negative; or "all"
+  std::string size = "1280x960";  // WIDTHxHEIGHT [pixels]
   PictureStyle style;
   std::optional<std::filesystem::path> out;  // the file (with "all": the directory); none: RUN/pictures/STEP.png
 };

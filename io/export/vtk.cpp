@@ -34,8 +34,9 @@ class Appended {
 };
 
 std::string data_array(const char* type, const std::string& name, int components, std::size_t offset) {
-  return fmt::format("<DataArray type=\"{}\" Name=\"{}\" NumberOfComponents=\"{}\" format=\"appended\" offset=\"{}\"/>\n", type, name,
-                     components, offset);
+  return fmt::format(
+      "<DataArray type=\"{}\" Name=\"{}\" NumberOfComponents=\"{}\" format=\"appended\" offset=\"{}\"/>\n", type, name,
+      components, offset);
 }
 
 std::string field_array(const FieldArray& array, Appended& data) {
@@ -54,9 +55,17 @@ std::string vtp_text(const Image& image) {
   const FieldArray* positions = image.find(Field::position);
   if (positions == nullptr) throw ExportError("VTK files need the field position in the snapshot");
   Appended data;
-  std::string text = "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n<PolyData>\n";
-  text += fmt::format("<FieldData>\n<DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" format=\"ascii\">{}</DataArray>\n</FieldData>\n", image.time);
-  text += fmt::format("<Piece NumberOfPoints=\"{0}\" NumberOfVerts=\"{0}\" NumberOfLines=\"0\" NumberOfStrips=\"0\" NumberOfPolys=\"0\">\n<PointData>\n", image.n_grains);
+  std::string text =
+      "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" "
+      "header_type=\"UInt64\">\n<PolyData>\n";
+  text += fmt::format(
+      "<FieldData>\n<DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" "
+      "format=\"ascii\">{}</DataArray>\n</FieldData>\n",
+      image.time);
+  text += fmt::format(
+      "<Piece NumberOfPoints=\"{0}\" NumberOfVerts=\"{0}\" NumberOfLines=\"0\" NumberOfStrips=\"0\" "
+      "NumberOfPolys=\"0\">\n<PointData>\n",
+      image.n_grains);
   for (const FieldArray& array : image.fields)
     if (array.field != Field::position) text += field_array(array, data);
   text += "</PointData>\n<Points>\n" + field_array(*positions, data) + "</Points>\n<Verts>\n";
@@ -65,12 +74,16 @@ std::string vtp_text(const Image& image) {
   text += data_array("Int64", "connectivity", 1, data.add(numbers));
   std::iota(numbers.begin(), numbers.end(), 1);
   text += data_array("Int64", "offsets", 1, data.add(numbers));
-  return text + "</Verts>\n</Piece>\n</PolyData>\n<AppendedData encoding=\"raw\">\n_" + data.bytes() + "\n</AppendedData>\n</VTKFile>\n";
+  return text + "</Verts>\n</Piece>\n</PolyData>\n<AppendedData encoding=\"raw\">\n_" + data.bytes() +
+         "\n</AppendedData>\n</VTKFile>\n";
 }
 
 std::string pvd_text(const std::vector<std::pair<double, std::string>>& frames) {
-  std::string text = "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n<Collection>\n";
-  for (const auto& [time, file] : frames) text += fmt::format("<DataSet timestep=\"{}\" part=\"0\" file=\"{}\"/>\n", time, file);
+  std::string text =
+      "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\" "
+      "byte_order=\"LittleEndian\">\n<Collection>\n";
+  for (const auto& [time, file] : frames)
+    text += fmt::format("<DataSet timestep=\"{}\" part=\"0\" file=\"{}\"/>\n", time, file);
   return text + "</Collection>\n</VTKFile>\n";
 }
 

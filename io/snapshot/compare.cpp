@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <type_traits>
 #include <utility>
 
 namespace moraine {
@@ -26,9 +27,12 @@ std::vector<std::uint64_t> gids_of(const Image& image) {
 Rows common_rows(const std::vector<std::uint64_t>& a, const std::vector<std::uint64_t>& b) {
   Rows rows;
   for (std::size_t i = 0, j = 0; i < a.size() && j < b.size();) {
-    if (a[i] == b[j]) rows.emplace_back(i++, j++);
-    else if (a[i] < b[j]) ++i;
-    else ++j;
+    if (a[i] == b[j])
+      rows.emplace_back(i++, j++);
+    else if (a[i] < b[j])
+      ++i;
+    else
+      ++j;
   }
   return rows;
 }
@@ -49,7 +53,8 @@ double distance(double a, double b) {
   return difference;
 }
 
-FieldDifference compare_field(const FieldArray& a, const FieldArray& b, const Rows& rows, const std::vector<std::uint64_t>& gids) {
+FieldDifference compare_field(const FieldArray& a, const FieldArray& b, const Rows& rows,
+                              const std::vector<std::uint64_t>& gids) {
   const FieldInfo& row = info(a.field);
   const auto width = static_cast<std::size_t>(row.components);
   FieldDifference found{std::string(row.name), std::string(row.unit)};
@@ -71,17 +76,16 @@ FieldDifference compare_field(const FieldArray& a, const FieldArray& b, const Ro
   return found;
 }
 
-bool is_same_entry(const PairHistory& a, const PairHistory& b) {
-  return a.gid_low == b.gid_low && a.gid_high == b.gid_high && a.image == b.image &&
-         std::memcmp(a.displacement, b.displacement, sizeof a.displacement) == 0;
-}
-bool is_same_entry(const WallHistory& a, const WallHistory& b) {
-  return a.gid == b.gid && a.surface == b.surface && std::memcmp(a.normal, b.normal, sizeof a.normal) == 0 &&
-         std::memcmp(a.displacement, b.displacement, sizeof a.displacement) == 0;
+/// Histories consist of 64-bit numbers only, without padding.
+template <class Entry>
+bool is_same_entry(const Entry& a, const Entry& b) {
+  static_assert(std::is_trivially_copyable_v<Entry>);
+  return std::memcmp(&a, &b, sizeof a) == 0;
 }
 
 template <class Entry>
-void compare_histories(const std::vector<Entry>& a, const std::vector<Entry>& b, const char* name, std::vector<std::string>& notes) {
+void compare_histories(const std::vector<Entry>& a, const std::vector<Entry>& b, const char* name,
+                       std::vector<std::string>& notes) {
   if (a.size() != b.size()) {
     notes.push_back(fmt::format("{}: {} in A, {} in B", name, a.size(), b.size()));
     return;
@@ -94,7 +98,8 @@ void compare_histories(const std::vector<Entry>& a, const std::vector<Entry>& b,
 void compare_accumulators(const Image& a, const Image& b, std::vector<std::string>& notes) {
   for (const auto& [name, values] : a.accumulators) {
     const auto other = b.accumulators.find(name);
-    if (other == b.accumulators.end()) notes.push_back(fmt::format("accumulator '{}' is only in A", name));
+    if (other == b.accumulators.end())
+      notes.push_back(fmt::format("accumulator '{}' is only in A", name));
     else if (!std::equal(values.begin(), values.end(), other->second.begin(), other->second.end(), has_same_bits))
       notes.push_back(fmt::format("accumulator '{}' differs", name));
   }
@@ -105,13 +110,16 @@ void compare_accumulators(const Image& a, const Image& b, std::vector<std::strin
 void compare_frame(const Image& a, const Image& b, std::vector<std::string>& notes) {
   if (a.step != b.step) notes.push_back(fmt::format("step: {} in A, {} in B", a.step, b.step));
   if (!has_same_bits(a.time, b.time)) notes.push_back(fmt::format("time: {} s in A, {} s in B", a.time, b.time));
-  if (!has_same_bits(a.time_step, b.time_step)) notes.push_back(fmt::format("time step: {} s in A, {} s in B", a.time_step, b.time_step));
+  if (!has_same_bits(a.time_step, b.time_step))
+    notes.push_back(fmt::format("time step: {} s in A, {} s in B", a.time_step, b.time_step));
   if (!(a.domain == b.domain)) notes.emplace_back("domain: different boxes");
   if (a.periodic != b.periodic) notes.emplace_back("domain: periodic in different directions");
 }
 
 /// Checkpoints have accumulators and histories; snapshots have neither.
-bool has_history(const Image& image) { return !image.accumulators.empty() || !image.pairs.empty() || !image.walls.empty(); }
+bool has_history(const Image& image) {
+  return !image.accumulators.empty() || !image.pairs.empty() || !image.walls.empty();
+}
 
 }  // namespace
 
@@ -135,7 +143,8 @@ Comparison compare(const Image& a, const Image& b) {
     const FieldDifference difference = compare_field(*in_a, *in_b, rows, gids_a);
     if (difference.n_different > 0) result.fields.push_back(difference);
   }
-  if (n_fields_compared == 0 && a.n_grains + b.n_grains > 0) result.notes.emplace_back("the two have no field in common");
+  if (n_fields_compared == 0 && a.n_grains + b.n_grains > 0)
+    result.notes.emplace_back("the two have no field in common");
   if (has_history(a) && has_history(b)) {
     compare_histories(a.pairs, b.pairs, "contact histories", result.notes);
     compare_histories(a.walls, b.walls, "wall contact histories", result.notes);
@@ -148,17 +157,21 @@ Comparison compare(const Image& a, const Image& b) {
 std::string comparison_text(const Comparison& comparison) {
   std::string text;
   if (comparison.n_only_a + comparison.n_only_b > 0)
-    text += fmt::format("grains: {} in both, {} only in A, {} only in B\n", comparison.n_common, comparison.n_only_a, comparison.n_only_b);
+    text += fmt::format("grains: {} in both, {} only in A, {} only in B\n", comparison.n_common, comparison.n_only_a,
+                        comparison.n_only_b);
   for (const std::string& note : comparison.notes) text += note + '\n';
   if (!comparison.fields.empty())
-    text += fmt::format("{:<18}{:>14}{:>24}{:>12}  {:>24}{:>26}\n", "field", "grains differ", "largest difference", "gid", "in A", "in B");
+    text += fmt::format("{:<18}{:>14}{:>24}{:>12}  {:>24}{:>26}\n", "field", "grains differ", "largest difference",
+                        "gid", "in A", "in B");
   constexpr const char* axes[] = {"x", "y", "z"};
   for (const FieldDifference& field : comparison.fields) {
     const int width = info(*field_by_name(field.name)).components;
-    const std::string name = width == 1 ? field.name : width == 3 ? field.name + '.' + axes[field.component] : fmt::format("{}[{}]", field.name, field.component);
+    const std::string name = width == 1   ? field.name
+                             : width == 3 ? field.name + '.' + axes[field.component]
+                                          : fmt::format("{}[{}]", field.name, field.component);
     text += fmt::format("{:<18}{:>14}{:>24}{:>12}  {:>24}{:>26}\n", name, field.n_different,
-                        fmt::format("{:.6g} {}", field.largest, field.unit), field.gid, fmt::format("{}", field.value_a),
-                        fmt::format("{}", field.value_b));
+                        fmt::format("{:.6g} {}", field.largest, field.unit), field.gid,
+                        fmt::format("{}", field.value_a), fmt::format("{}", field.value_b));
   }
   return text + (comparison.is_equal ? "equal\n" : "not equal\n");
 }

@@ -14,9 +14,9 @@ struct FieldDifference {
   std::string name;
   std::string unit;
   std::uint64_t n_different = 0;  // grains with any bit different
-  double largest = 0.0;           // largest absolute difference of a component; infinite where one of the two is not a number
-  std::uint64_t gid = 0;          // the grain of the largest difference ...
-  int component = 0;              // ... and the component
+  double largest = 0.0;   // largest absolute difference of a component; infinite where one of the two is not a number
+  std::uint64_t gid = 0;  // the grain of the largest difference ...
+  int component = 0;      // ... and the component
   double value_a = 0.0, value_b = 0.0;
 };
 
@@ -24,8 +24,8 @@ struct Comparison {
   bool is_equal = true;
   std::uint64_t n_only_a = 0, n_only_b = 0;  // grains that only one of the two has
   std::uint64_t n_common = 0;
-  std::vector<FieldDifference> fields;       // those of both images that differ
-  std::vector<std::string> notes;            // everything else that differs, in words
+  std::vector<FieldDifference> fields;  // those of both images that differ
+  std::vector<std::string> notes;       // everything else that differs, in words
 };
 
 /// Compares time, domain, grains and fields, and where both have them contact histories and accumulators; bits, not values, so

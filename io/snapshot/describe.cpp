@@ -39,10 +39,12 @@ std::string field_lines(const FieldArray& array) {
   constexpr const char* axes[] = {"x", "y", "z"};
   std::string text;
   for (std::size_t c = 0; c < width; ++c) {
-    const Extremes found = row.type == FieldType::real ? extremes(array.reals, c, width)
+    const Extremes found = row.type == FieldType::real  ? extremes(array.reals, c, width)
                            : row.type == FieldType::gid ? extremes(array.gids, c, width)
                                                         : extremes(array.indices, c, width);
-    const std::string name = width == 1 ? std::string(row.name) : width == 3 ? fmt::format("{}.{}", row.name, axes[c]) : fmt::format("{}[{}]", row.name, c);
+    const std::string name = width == 1   ? std::string(row.name)
+                             : width == 3 ? fmt::format("{}.{}", row.name, axes[c])
+                                          : fmt::format("{}[{}]", row.name, c);
     text += fmt::format("  {:<20}{:>16.8g}{:>16.8g}  {}", name, found.least, found.greatest, row.unit);
     if (found.n_not_finite > 0) text += fmt::format("  ({} values are not numbers)", found.n_not_finite);
     while (!text.empty() && text.back() == ' ') text.pop_back();
@@ -53,7 +55,8 @@ std::string field_lines(const FieldArray& array) {
 
 std::string domain_line(const Image& image) {
   const Vec3 low = image.domain.low, high = image.domain.high;
-  std::string text = fmt::format("domain       ({}, {}, {}) to ({}, {}, {}) m", low.x, low.y, low.z, high.x, high.y, high.z);
+  std::string text =
+      fmt::format("domain       ({}, {}, {}) to ({}, {}, {}) m", low.x, low.y, low.z, high.x, high.y, high.z);
   std::string axes;
   for (std::size_t axis = 0; axis < 3; ++axis)
     if (image.periodic[axis]) axes += (axes.empty() ? "" : ", ") + std::string(1, "xyz"[axis]);
@@ -67,7 +70,8 @@ std::string describe(const std::filesystem::path& path) {
   const Image& image = file.image;
   std::string text = fmt::format("{}\nkind         {}\n", path.string(), file.kind);
   if (file.record) text += fmt::format("written by   Moraine {} ({})\n", file.record->version, file.record->commit);
-  text += fmt::format("step         {}\ntime         {} s\ntime step    {} s\n", image.step, image.time, image.time_step);
+  text +=
+      fmt::format("step         {}\ntime         {} s\ntime step    {} s\n", image.step, image.time, image.time_step);
   text += domain_line(image);
   text += fmt::format("grains       {}\n", image.n_grains);
   if (file.kind == "checkpoint") {

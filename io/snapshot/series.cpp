@@ -21,22 +21,27 @@ constexpr std::string_view entry_end = "    </Grid>\n";
 std::string data_item(const FieldInfo& row, const Image& image) {
   const char* type = row.type == FieldType::real ? "Float" : "Int";
   const int precision = row.type == FieldType::index ? 4 : 8;
-  const std::string shape = row.components == 1 ? fmt::format("{}", image.n_grains) : fmt::format("{} {}", image.n_grains, row.components);
-  return fmt::format("<DataItem Format=\"HDF\" NumberType=\"{}\" Precision=\"{}\" Dimensions=\"{}\">snapshots/{}:/particles/{}</DataItem>",
-                     type, precision, shape, snapshot_name(image.step), row.name);
+  const std::string shape =
+      row.components == 1 ? fmt::format("{}", image.n_grains) : fmt::format("{} {}", image.n_grains, row.components);
+  return fmt::format(
+      "<DataItem Format=\"HDF\" NumberType=\"{}\" Precision=\"{}\" "
+      "Dimensions=\"{}\">snapshots/{}:/particles/{}</DataItem>",
+      type, precision, shape, snapshot_name(image.step), row.name);
 }
 
 std::string entry_of(const Image& image) {
   if (image.find(Field::position) == nullptr) throw std::logic_error("a snapshot needs the positions of its grains");
-  std::string text = fmt::format("{}{}\" GridType=\"Uniform\">\n      <Time Value=\"{}\"/>\n", entry_start, image.step, image.time);
-  text += fmt::format("      <Topology TopologyType=\"Polyvertex\" NumberOfElements=\"{}\" NodesPerElement=\"1\"/>\n", image.n_grains);
+  std::string text =
+      fmt::format("{}{}\" GridType=\"Uniform\">\n      <Time Value=\"{}\"/>\n", entry_start, image.step, image.time);
+  text += fmt::format("      <Topology TopologyType=\"Polyvertex\" NumberOfElements=\"{}\" NodesPerElement=\"1\"/>\n",
+                      image.n_grains);
   text += fmt::format("      <Geometry GeometryType=\"XYZ\">{}</Geometry>\n", data_item(info(Field::position), image));
   for (const FieldArray& array : image.fields) {
     const FieldInfo& row = info(array.field);
     if (array.field == Field::position) continue;
     const char* kind = row.components == 1 ? "Scalar" : row.components == 3 ? "Vector" : "Matrix";
-    text += fmt::format("      <Attribute Name=\"{}\" AttributeType=\"{}\" Center=\"Node\">{}</Attribute>\n", row.name, kind,
-                        data_item(row, image));
+    text += fmt::format("      <Attribute Name=\"{}\" AttributeType=\"{}\" Center=\"Node\">{}</Attribute>\n", row.name,
+                        kind, data_item(row, image));
   }
   return text.append(entry_end);
 }
@@ -47,7 +52,8 @@ std::map<std::uint64_t, std::string> parse_entries(const std::string& text) {
   for (std::size_t at = text.find(entry_start); at != std::string::npos; at = text.find(entry_start, at + 1)) {
     const std::size_t end = text.find(entry_end, at);
     if (end == std::string::npos) break;
-    entries[std::strtoull(text.c_str() + at + entry_start.size(), nullptr, 10)] = text.substr(at, end + entry_end.size() - at);
+    entries[std::strtoull(text.c_str() + at + entry_start.size(), nullptr, 10)] =
+        text.substr(at, end + entry_end.size() - at);
   }
   return entries;
 }
@@ -71,7 +77,8 @@ SnapshotSeries::SnapshotSeries(const fs::path& run_directory) : run_directory_(r
 
 void SnapshotSeries::write() const {
   std::string text =
-      "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!DOCTYPE Xdmf SYSTEM \"Xdmf.dtd\" []>\n<Xdmf Version=\"2.0\">\n <Domain>\n"
+      "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!DOCTYPE Xdmf SYSTEM \"Xdmf.dtd\" []>\n<Xdmf Version=\"2.0\">\n "
+      "<Domain>\n"
       "  <Grid Name=\"grains\" GridType=\"Collection\" CollectionType=\"Temporal\">\n";
   for (const auto& [step, entry] : entries_) text += entry;
   text += "  </Grid>\n </Domain>\n</Xdmf>\n";
@@ -94,7 +101,8 @@ int SnapshotSeries::drop_from(std::uint64_t step) {
   for (const fs::path& path : list_snapshots(run_directory_)) {
     if (*snapshot_step(path) < step) continue;
     std::error_code error;
-    if (!fs::remove(path, error) && error) throw StorageError(path, "cannot be removed: " + explain_errno(error.value()));
+    if (!fs::remove(path, error) && error)
+      throw StorageError(path, "cannot be removed: " + explain_errno(error.value()));
     ++n_dropped;
   }
   return n_dropped;

@@ -41,7 +41,8 @@ std::string snapshot_name(std::uint64_t step) { return fmt::format("snapshot_{:0
 std::optional<std::uint64_t> snapshot_step(const fs::path& path) {
   constexpr std::string_view prefix = "snapshot_", suffix = ".h5";
   const std::string name = path.filename().string();
-  if (!name.starts_with(prefix) || !name.ends_with(suffix) || name.size() <= prefix.size() + suffix.size()) return std::nullopt;
+  if (!name.starts_with(prefix) || !name.ends_with(suffix) || name.size() <= prefix.size() + suffix.size())
+    return std::nullopt;
   const char* last = name.data() + name.size() - suffix.size();
   std::uint64_t step = 0;
   const auto [end, error] = std::from_chars(name.data() + prefix.size(), last, step);
@@ -53,9 +54,11 @@ fs::path snapshot_directory(const fs::path& run_directory) { return run_director
 std::vector<fs::path> list_snapshots(const fs::path& run_directory) {
   std::vector<fs::path> found;
   std::error_code error;
-  for (fs::directory_iterator entry(snapshot_directory(run_directory), error), end; !error && entry != end; entry.increment(error))
+  for (fs::directory_iterator entry(snapshot_directory(run_directory), error), end; !error && entry != end;
+       entry.increment(error))
     if (snapshot_step(entry->path())) found.push_back(entry->path());
-  std::sort(found.begin(), found.end(), [](const fs::path& a, const fs::path& b) { return snapshot_step(a) < snapshot_step(b); });
+  std::sort(found.begin(), found.end(),
+            [](const fs::path& a, const fs::path& b) { return snapshot_step(a) < snapshot_step(b); });
   return found;
 }
 

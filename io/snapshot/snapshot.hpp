@@ -22,7 +22,7 @@ Image read_snapshot(const std::filesystem::path& path, std::vector<std::string>*
 
 /// A checkpoint or a snapshot, whichever the file is.
 struct ImageFile {
-  std::string kind;                  // "checkpoint", "snapshot"
+  std::string kind;  // "checkpoint", "snapshot"
   Image image;
   std::optional<RunRecord> record;   // of checkpoints
   std::vector<std::string> unknown;  // fields that were left out
