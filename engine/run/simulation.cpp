@@ -447,6 +447,10 @@ std::vector<std::int32_t> Simulation::Parts::order_by_gid() const {
 FieldArray Simulation::Parts::gather(const FieldInfo& row, const std::vector<std::int32_t>& order) const {
   FieldArray array;
   array.field = row.field;
+  const std::size_t n = order.size() * static_cast<std::size_t>(row.components);
+  if (row.type == FieldType::gid) array.gids.reserve(n);
+  else if (row.type == FieldType::index) array.indices.reserve(n);
+  else array.reals.reserve(n);
   for (const std::int32_t i : order) {
     if (row.type == FieldType::gid) array.gids.push_back(particles.gid(i));
     else if (row.type == FieldType::index) array.indices.push_back(particles.material(i));
@@ -564,6 +568,9 @@ Image Simulation::checkpoint() const {
   image.n_grains = order.size();
   for (const FieldInfo& row : field_table)
     if (row.travel != Travel::never && p.particles.has(row.field)) image.fields.push_back(p.gather(row, order));
+  std::size_t n_pairs = 0;
+  p.contacts->for_each_memory(p.particles, [&](auto&&...) { ++n_pairs; });
+  image.pairs.reserve(n_pairs);
   p.contacts->for_each_memory(p.particles, [&](std::int32_t a, std::int32_t b, std::uint8_t code, const PairMemory& m) {
     image.pairs.push_back({p.particles.gid(a), p.particles.gid(b), code, {m.displacement[0], m.displacement[1], m.displacement[2]}, m.energy});
   });
