@@ -75,7 +75,8 @@ TEST_CASE("the same state written twice gives the same bytes") {
 
 TEST_CASE("scene texts longer than an HDF5 attribute may be, empty ones and ones with umlauts survive a checkpoint") {
   const TemporaryDirectory directory;
-  for (const std::string& text : {std::string(200'000, 'x'), std::string(), std::string("title = \"Schüttgut – Böschung\"\n")}) {
+  for (const std::string& text :
+       {std::string(200'000, 'x'), std::string(), std::string("title = \"Schüttgut – Böschung\"\n")}) {
     write_checkpoint(directory.path() / "c.h5", make_image(3), {text, "", ""});
     CHECK(read_checkpoint(directory.path() / "c.h5").record.scene == text);
   }
@@ -131,8 +132,9 @@ TEST_CASE("a run all of whose checkpoints are damaged is refused with the damage
   const fs::path a = place_checkpoint(run.path(), 100), b = place_checkpoint(run.path(), 200);
   fs::resize_file(a, 5000);
   fs::resize_file(b, 100);
-  CHECK_THROWS_WITH(find_latest_checkpoint(run.path()), Catch::Contains("holds no sound checkpoint") && Catch::Contains(a.string()) &&
-                                                            Catch::Contains(b.string()) && Catch::Contains("cut short"));
+  CHECK_THROWS_WITH(find_latest_checkpoint(run.path()),
+                    Catch::Contains("holds no sound checkpoint") && Catch::Contains(a.string()) &&
+                        Catch::Contains(b.string()) && Catch::Contains("cut short"));
 }
 
 TEST_CASE("what is wrong with a checkpoint is said in its name") {
@@ -143,14 +145,17 @@ TEST_CASE("what is wrong with a checkpoint is said in its name") {
   std::ofstream(path).close();
   CHECK(message_of(path) == path.string() + ": is empty, expected a Moraine checkpoint");
   std::ofstream(path) << std::string(600, 'a');
-  CHECK(message_of(path) == path.string() + ": is not a Moraine file, or its first line is damaged; expected a Moraine checkpoint");
+  CHECK(message_of(path) ==
+        path.string() + ": is not a Moraine file, or its first line is damaged; expected a Moraine checkpoint");
 
   write_checkpoint(path, make_image(100), record);
   const auto size = fs::file_size(path);
   fs::resize_file(path, size - 1);
-  CHECK(message_of(path) == path.string() + ": is cut short: " + std::to_string(size - 1) + " of " + std::to_string(size) + " bytes");
+  CHECK(message_of(path) ==
+        path.string() + ": is cut short: " + std::to_string(size - 1) + " of " + std::to_string(size) + " bytes");
   fs::resize_file(path, size + 1);
-  CHECK(message_of(path) == path.string() + ": is too long: " + std::to_string(size + 1) + " of " + std::to_string(size) + " bytes");
+  CHECK(message_of(path) ==
+        path.string() + ": is too long: " + std::to_string(size + 1) + " of " + std::to_string(size) + " bytes");
 }
 
 TEST_CASE("a checkpoint of a newer format is refused by name") {

@@ -17,7 +17,8 @@ using moraine::testing::TemporaryDirectory;
 namespace fs = std::filesystem;
 
 TEST_CASE("an output is due once for each multiple of its interval, at the step nearest to it") {
-  for (const auto& [interval, step] : {std::pair(0.02, 5.75094e-06), std::pair(0.1, 1e-4), std::pair(1e-3, 3e-4), std::pair(0.1, 0.1 / 3)}) {
+  for (const auto& [interval, step] :
+       {std::pair(0.02, 5.75094e-06), std::pair(0.1, 1e-4), std::pair(1e-3, 3e-4), std::pair(0.1, 0.1 / 3)}) {
     const Schedule schedule(interval, step);
     std::uint64_t n_due = 0;
     for (std::uint64_t i = 0; i <= 100'000; ++i) {
@@ -75,7 +76,8 @@ TEST_CASE("a table that goes on keeps the rows before the restart and is then th
   fill(table, 60, 100);
   table.sync();
   CHECK(read_file(directory.path() / "b.csv") == read_file(directory.path() / "a.csv"));
-  CHECK(read_file(directory.path() / "a.csv").starts_with("step,time [s],a  b,c\n0,0,1e-300,-0\n10,3.3333333333333335,"));
+  CHECK(
+      read_file(directory.path() / "a.csv").starts_with("step,time [s],a  b,c\n0,0,1e-300,-0\n10,3.3333333333333335,"));
 }
 
 TEST_CASE("a table of other columns is not written on") {
@@ -102,7 +104,9 @@ TEST_CASE("auto takes the cores that the process may use") {
   REQUIRE(sched_setaffinity(0, sizeof all, &all) == 0);
 }
 
-TEST_CASE("a layout is ranks x threads; what is not, or asks for ranks that there are not yet, is refused with what to type instead") {
+TEST_CASE(
+    "a layout is ranks x threads; what is not, or asks for ranks that there are not yet, is refused with what to type "
+    "instead") {
   CHECK(parse_layout("1x8").threads == 8);
   for (const char* text : {"", "8", "1x", "x4", "0x4", "1x0", "1x-2", "1 x 4", "1x4x2", "1x99999999999", "AUTO"})
     CHECK_THROWS_WITH(parse_layout(text), Catch::Contains("expected \"auto\" or RANKSxTHREADS"));
@@ -140,7 +144,8 @@ TEST_CASE("--out is taken where it is free and refused where it is not") {
   const fs::path out = directory.path() / "out";
   CHECK(new_run_directory("a.toml", scene, out) == out);
   fs::create_directories(out / "snapshots");
-  CHECK_THROWS_WITH(new_run_directory("a.toml", scene, out), Catch::Contains("holds a run already") && Catch::Contains("--restart auto"));
+  CHECK_THROWS_WITH(new_run_directory("a.toml", scene, out),
+                    Catch::Contains("holds a run already") && Catch::Contains("--restart auto"));
   std::ofstream(directory.path() / "file") << "x";
   CHECK_THROWS_WITH(new_run_directory("a.toml", scene, directory.path() / "file"), Catch::Contains("is a file"));
   std::ofstream(directory.path() / "notes.txt") << "x";

@@ -66,7 +66,8 @@ TEST_CASE("a VTK export holds positions and fields at the offsets that its heade
   const Image image = make_image(25);
   const std::string text = vtp_text(image);
   const std::size_t data = text.find("encoding=\"raw\">\n_") + 17;
-  for (const auto& [name, expected] : {std::pair("position", &image.find(Field::position)->reals), std::pair("radius", &image.find(Field::radius)->reals)}) {
+  for (const auto& [name, expected] : {std::pair("position", &image.find(Field::position)->reals),
+                                       std::pair("radius", &image.find(Field::radius)->reals)}) {
     const std::size_t row = text.find(std::string("Name=\"") + name + '"');
     REQUIRE(row != std::string::npos);
     const std::size_t offset = std::stoull(text.substr(text.find("offset=\"", row) + 8));
@@ -89,7 +90,8 @@ TEST_CASE("pictures are coloured by any field, its length or component, or by wh
   CHECK(grain_values(image, "gid").values[3] == 10);
   CHECK(grain_values(image, "material").label == "material");
   for (const char* name : {"colour", "radius.x", "velocity.w", ""})
-    CHECK_THROWS_WITH(grain_values(image, name), Catch::Contains("is not in the snapshot; it has position") && Catch::Contains("speed"));
+    CHECK_THROWS_WITH(grain_values(image, name),
+                      Catch::Contains("is not in the snapshot; it has position") && Catch::Contains("speed"));
 }
 
 TEST_CASE("the range of colours leaves out the few fastest grains and whatever is not a number") {
@@ -115,7 +117,9 @@ TEST_CASE("the colours run from dark to light without a step back") {
   CHECK(viridis(std::nan("")).blue == viridis(0).blue);
 }
 
-TEST_CASE("the camera sees the whole box and leaves the legend its place, from any side and for any shape of box and picture") {
+TEST_CASE(
+    "the camera sees the whole box and leaves the legend its place, from any side and for any shape of box and "
+    "picture") {
   for (const Vec3 size : {Vec3{1, 1, 1}, Vec3{1, 1, 30}, Vec3{100, 1, 1}, Vec3{1e-3, 2e-3, 0}})
     for (const double azimuth : {-62.0, 0.0, 135.0})
       for (const double elevation : {18.0, 90.0, -30.0})
@@ -125,9 +129,11 @@ TEST_CASE("the camera sees the whole box and leaves the legend its place, from a
             const Camera camera = frame_box(box, azimuth, elevation, aspect, 0.1, is_parallel);
             double left = 1e9, right = -1e9, bottom = 1e9, top = -1e9;
             for (int i = 0; i < 8; ++i) {
-              const Vec3 p = camera.project({(i & 1) != 0 ? box.high.x : box.low.x, (i & 2) != 0 ? box.high.y : box.low.y,
-                                             (i & 4) != 0 ? box.high.z : box.low.z});
-              left = std::min(left, p.x), right = std::max(right, p.x), bottom = std::min(bottom, p.y), top = std::max(top, p.y);
+              const Vec3 p =
+                  camera.project({(i & 1) != 0 ? box.high.x : box.low.x, (i & 2) != 0 ? box.high.y : box.low.y,
+                                  (i & 4) != 0 ? box.high.z : box.low.z});
+              left = std::min(left, p.x), right = std::max(right, p.x), bottom = std::min(bottom, p.y),
+              top = std::max(top, p.y);
               CHECK(p.z > 0.0);
             }
             INFO("size " << size.x << ' ' << size.y << ' ' << size.z << " from " << azimuth << ' ' << elevation);
@@ -215,6 +221,7 @@ TEST_CASE("a missing POV-Ray, a size, a frame or a field that cannot be is named
   request.frame = "0";
   const std::string path = std::getenv("PATH");
   setenv("PATH", "/nowhere", 1);
-  CHECK_THROWS_WITH(render_run(request), Catch::Contains("povray is not installed") && Catch::Contains("apt-get install povray"));
+  CHECK_THROWS_WITH(render_run(request),
+                    Catch::Contains("povray is not installed") && Catch::Contains("apt-get install povray"));
   setenv("PATH", path.c_str(), 1);
 }

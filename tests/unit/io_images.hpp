@@ -47,14 +47,17 @@ inline Image make_image(std::uint64_t n_grains, std::uint64_t step = 120, std::u
     array.field = row.field;
     const std::uint64_t n = n_grains * static_cast<std::uint64_t>(row.components);
     for (std::uint64_t i = 0; i < n; ++i) {
-      if (row.type == FieldType::real) array.reals.push_back(row.field == Field::radius ? 0.02 + 0.03 * draw() : draw());
+      if (row.type == FieldType::real)
+        array.reals.push_back(row.field == Field::radius ? 0.02 + 0.03 * draw() : draw());
       if (row.type == FieldType::gid) array.gids.push_back(3 * i + 1);
       if (row.type == FieldType::index) array.indices.push_back(static_cast<std::uint16_t>(i % 3));
     }
     image.fields.push_back(std::move(array));
   }
-  for (std::uint64_t i = 0; i + 1 < n_grains; ++i) image.pairs.push_back({3 * i + 1, 3 * i + 4, i % 2, {draw(), -draw(), 1e-300}});
-  for (std::uint64_t i = 0; i < n_grains; i += 2) image.walls.push_back({3 * i + 1, i % 6, {0, 0, 1}, {draw(), 0, -0.0}});
+  for (std::uint64_t i = 0; i + 1 < n_grains; ++i)
+    image.pairs.push_back({3 * i + 1, 3 * i + 4, i % 2, {draw(), -draw(), 1e-300}, draw()});
+  for (std::uint64_t i = 0; i < n_grains; i += 2)
+    image.walls.push_back({3 * i + 1, i % 6, {0, 0, 1}, {draw(), 0, -0.0}, draw()});
   image.accumulators["born"] = {static_cast<double>(n_grains)};
   image.accumulators["probe/wall 50%"] = {draw(), draw(), 0.1};
   image.accumulators["nothing"] = {};
@@ -63,12 +66,12 @@ inline Image make_image(std::uint64_t n_grains, std::uint64_t step = 120, std::u
 
 /// Equal in all that a checkpoint must keep, bit for bit.
 inline bool is_same(const Image& a, const Image& b) {
-  if (a.step != b.step || a.time != b.time || a.time_step != b.time_step || !(a.domain == b.domain) || a.periodic != b.periodic ||
-      a.n_grains != b.n_grains || !(a.hash == b.hash) || a.fields.size() != b.fields.size())
+  if (a.step != b.step || a.time != b.time || a.time_step != b.time_step || !(a.domain == b.domain) ||
+      a.periodic != b.periodic || a.n_grains != b.n_grains || !(a.hash == b.hash) || a.fields.size() != b.fields.size())
     return false;
   for (std::size_t i = 0; i < a.fields.size(); ++i)
-    if (a.fields[i].field != b.fields[i].field || a.fields[i].reals != b.fields[i].reals || a.fields[i].gids != b.fields[i].gids ||
-        a.fields[i].indices != b.fields[i].indices)
+    if (a.fields[i].field != b.fields[i].field || a.fields[i].reals != b.fields[i].reals ||
+        a.fields[i].gids != b.fields[i].gids || a.fields[i].indices != b.fields[i].indices)
       return false;
   return a.pairs == b.pairs && a.walls == b.walls && a.accumulators == b.accumulators;
 }

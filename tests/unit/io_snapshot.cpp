@@ -29,7 +29,8 @@ Image grains_only(Image image) {
 }
 
 FieldArray& field_of(Image& image, Field field) {
-  return *std::find_if(image.fields.begin(), image.fields.end(), [&](const FieldArray& array) { return array.field == field; });
+  return *std::find_if(image.fields.begin(), image.fields.end(),
+                       [&](const FieldArray& array) { return array.field == field; });
 }
 
 /// A Python that has h5py; empty where there is none.
@@ -66,8 +67,10 @@ TEST_CASE("a checkpoint is not taken for a snapshot, nor the other way round") {
   const TemporaryDirectory directory;
   write_snapshot(directory.path() / "s.h5", make_image(3));
   write_checkpoint(directory.path() / "c.h5", make_image(3), {});
-  CHECK_THROWS_WITH(read_checkpoint(directory.path() / "s.h5"), Catch::EndsWith("is a Moraine snapshot, expected a Moraine checkpoint"));
-  CHECK_THROWS_WITH(read_snapshot(directory.path() / "c.h5"), Catch::EndsWith("is a Moraine checkpoint, expected a Moraine snapshot"));
+  CHECK_THROWS_WITH(read_checkpoint(directory.path() / "s.h5"),
+                    Catch::EndsWith("is a Moraine snapshot, expected a Moraine checkpoint"));
+  CHECK_THROWS_WITH(read_snapshot(directory.path() / "c.h5"),
+                    Catch::EndsWith("is a Moraine checkpoint, expected a Moraine snapshot"));
   CHECK(read_image_file(directory.path() / "s.h5").kind == "snapshot");
   CHECK(is_same(read_image_file(directory.path() / "c.h5").image, make_image(3)));
 }
@@ -94,7 +97,8 @@ print([float(x) for x in f.attrs["domain_low"]], f.attrs["grains"])
   char value[64];
   std::snprintf(value, sizeof value, "%.17g", image.find(Field::position)->reals[7 * 3 + 2]);
   std::vector<std::string> lines;
-  for (std::size_t at = 0, end; (end = output.find('\n', at)) != std::string::npos; at = end + 1) lines.push_back(output.substr(at, end - at));
+  for (std::size_t at = 0, end; (end = output.find('\n', at)) != std::string::npos; at = end + 1)
+    lines.push_back(output.substr(at, end - at));
   INFO(output);
   REQUIRE(lines.size() == 5);
   CHECK(lines[0] == "(50, 3) (50,) uint64 uint16");
@@ -252,7 +256,8 @@ TEST_CASE("a description names kind, step, time, grains, ranges of the fields an
   write_checkpoint(directory.path() / "c.h5", image, {"", "0.1.0", "abc"});
   const std::string text = describe(directory.path() / "c.h5");
   INFO(text);
-  CHECK_THAT(text, Catch::Contains("checkpoint") && Catch::Contains("Moraine 0.1.0 (abc)") && Catch::Contains("0.012 s"));
+  CHECK_THAT(text,
+             Catch::Contains("checkpoint") && Catch::Contains("Moraine 0.1.0 (abc)") && Catch::Contains("0.012 s"));
   CHECK_THAT(text, Catch::Contains("periodic in x") && Catch::Contains("9 of pairs, 5 of walls"));
   CHECK_THAT(text, Catch::Contains("0.25               2  m  (1 values are not numbers)"));
   CHECK_THAT(text, Catch::EndsWith("state hash: " + image.hash.text() + "\n"));

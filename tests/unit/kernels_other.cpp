@@ -1,0 +1,290 @@
+// The motion kernel against plain code, the pair filter against comparing with everything, exact sums against known results.
+#include <catch2/catch.hpp>
+
+#include <bit>
+#include <numeric>
+#include <vector>
+
+#include "kernels/base/exact_sum.hpp"
+#include "kernels/motion/motion.hpp"
+#include "kernels/search/pair_filter.hpp"
+#include "tests/unit/kernels_contacts.hpp"
+
+using namespace moraine;
+using namespace moraine::kernels_test;
+
+namespace {
+
+/// Grains with random entries in a ring and in kept slots, and wall touches.
+struct MotionSetup {
+  bool has_rotation, has_ledger;
+  int n = 301;
+  AlignedArray<double> records, ring, kept, walls, dissipated;
+  std::vector<std::uint32_t> offsets;
+  std::vector<Entry> entries;
+  std::vector<std::int32_t> wall_grain;
+  std::vector<double> force, torque;
+  GrainSums sums;
+
+  MotionSetup(bool rotation, bool ledger, bool is_flat) : has_rotation(rotation), has_ledger(ledger) {
+    shapes::Dice dice(31);
+    const auto slot = static_cast<std::size_t>(slot_size(rotation, ledger));
+    const auto stride = static_cast<std::size_t>(record_size(rotation));
+    const auto count = static_cast<std::size_t>(n);
+    const auto fill = [&](AlignedArray<double>& array, std::size_t size) {
+      array.resize_discarding(size);
+      for (double& x : array) x = dice.uniform(-1.0, 1.0);
+    };
+    fill(records, (count + 1) * stride);
+    fill(ring, 256 * slot);
+    fill(kept, 300 * slot);
+    fill(walls, 200 * slot);
+    fill(dissipated, 4 * count);
+    for (std::size_t i = 0; i < count; ++i) records[i * stride + 3] = records[i * stride + 7] = dice.uniform(0.5, 2.0);
+    offsets.push_back(0);
+    for (int i = 0; i < n; ++i) {
+      const int n_entries = dice.index(9);
+      for (int q = 0; q < n_entries; ++q) {
+        const bool is_kept = dice.index(3) == 0;
+        entries.push_back(make_entry(static_cast<std::uint32_t>(is_kept ? dice.index(300) : 1000 + dice.index(256)), is_kept, dice.index(2) == 0));
+      }
+      offsets.push_back(static_cast<std::uint32_t>(entries.size()));
+      for (int q = dice.index(3); q > 1 && wall_grain.size() < 200; --q) wall_grain.push_back(i);
+    }
+    force.assign(3 * count, 7.0);
+    torque.assign(3 * count, 7.0);
+    sums.records = records.data();
+    sums.offsets = offsets.data();
+    sums.entries = entries.data();
+    sums.ring = ring.data();
+    sums.ring_mask = 255;
+    sums.kept = kept.data();
+    sums.wall_grain = wall_grain.data();
+    sums.wall_slots = walls.data();
+    sums.n_wall = static_cast<std::int64_t>(wall_grain.size());
+    sums.inside = {{-2, -2, -2}, {2, 2, 2}};
+    sums.kick = {0.9, 0.01, 0.02, 0.03, 0.004, {1.0, -2.0, 3.0}, is_flat};
+    sums.dissipated = ledger ? dissipated.data() : nullptr;
+    sums.force = force.data();
+    sums.torque = rotation ? torque.data() : nullptr;
+  }
+};
+
+/// The same in plain code, in long doubles.
+struct PlainGrain {
+  long double x[3], v[3], w[3], force[3] = {0, 0, 0}, moment[3] = {0, 0, 0}, lost[4];
+};
+
+PlainGrain plain_advance(const MotionSetup& m, int i) {
+  const auto slot = static_cast<std::size_t>(slot_size(m.has_rotation, m.has_ledger));
+  const double* const r = m.records.data() + i * record_size(m.has_rotation);
+  PlainGrain g{};
+  if (m.has_ledger)
+    for (std::size_t k = 0; k < 4; ++k) g.lost[k] = m.dissipated[4 * static_cast<std::size_t>(i) + k];
+  const auto add = [&](const double* s, bool is_b) {
+    for (int k = 0; k < 3; ++k) {
+      g.force[k] += is_b ? -s[k] : s[k];
+      if (m.has_rotation) g.moment[k] -= static_cast<long double>(is_b ? s[7] : s[3]) * s[4 + k];
+      if (m.has_ledger && !is_b) g.lost[k] += s[slot - 4 + static_cast<std::size_t>(k)];
+    }
+  };
+  for (std::uint32_t q = m.offsets[static_cast<std::size_t>(i)]; q < m.offsets[static_cast<std::size_t>(i) + 1]; ++q) {
+    const Entry entry = m.entries[q];
+    const std::size_t index = entry >> 2;
+    add(entry & entry_is_kept ? m.kept.data() + index * slot : m.ring.data() + (index & 255) * slot, (entry & entry_is_b) != 0);
+  }
+  for (std::size_t w = 0; w < m.wall_grain.size(); ++w)
+    if (m.wall_grain[w] == i) add(m.walls.data() + w * slot, false);
+  const Kick& kick = m.sums.kick;
+  long double squares = 0;
+  for (int k = 0; k < 3; ++k) {
+    const bool moves = !(kick.is_flat && k == 2), spins = !(kick.is_flat && k != 2);
+    const long double a = moves ? g.force[k] * r[7] + kick.gravity[k] : 0.0L;
+    g.v[k] = kick.keep * r[4 + k] + a * kick.gain;
+    g.x[k] = r[k] + kick.drift * g.v[k];
+    squares += (g.v[k] + r[4 + k]) * (g.v[k] + r[4 + k]);
+    if (m.has_rotation) g.w[k] = r[8 + k] + (spins ? g.moment[k] * r[11] * kick.spin_gain : 0.0L);
+  }
+  if (m.has_ledger) g.lost[3] += kick.drag_loss / r[7] * squares;
+  return g;
+}
+
+}  // namespace
+
+TEST_CASE("the motion kernel sums and advances as plain code does") {
+  for (int bits = 0; bits < 8; ++bits) {
+    const bool rotation = bits & 1, ledger = bits & 2, is_flat = bits & 4;
+    INFO("rotation " << rotation << ", ledger " << ledger << ", flat " << is_flat);
+    MotionSetup m(rotation, ledger, is_flat);
+    std::vector<PlainGrain> expected;
+    for (int i = 0; i < m.n; ++i) expected.push_back(plain_advance(m, i));
+    const AlignedArray<double> before = [&] {
+      AlignedArray<double> copy;
+      copy.resize_discarding(m.records.size());
+      std::copy(m.records.begin(), m.records.end(), copy.begin());
+      return copy;
+    }();
+    const MotionResult result = motion_kernel(rotation, ledger)(m.sums, nullptr, {0, m.n});
+    double fastest = 0.0;
+    bool is_any_outside = false;
+    for (int i = 0; i < m.n; ++i) {
+      const PlainGrain& g = expected[static_cast<std::size_t>(i)];
+      const double* const r = m.records.data() + i * record_size(rotation);
+      double square = 0.0;
+      for (int k = 0; k < 3; ++k) {
+        REQUIRE(r[k] == Approx(static_cast<double>(g.x[k])).margin(1e-14));
+        REQUIRE(r[4 + k] == Approx(static_cast<double>(g.v[k])).margin(1e-14));
+        if (rotation) REQUIRE(r[8 + k] == Approx(static_cast<double>(g.w[k])).margin(1e-14));
+        REQUIRE(m.force[static_cast<std::size_t>(3 * i + k)] == Approx(static_cast<double>(g.force[k])).margin(1e-13));
+        if (rotation) REQUIRE(m.torque[static_cast<std::size_t>(3 * i + k)] == Approx(static_cast<double>(g.moment[k])).margin(1e-13));
+        square += r[4 + k] * r[4 + k];
+        is_any_outside = is_any_outside || r[k] < -2.0 || r[k] >= 2.0;
+      }
+      if (ledger)
+        for (std::size_t k = 0; k < 4; ++k)
+          REQUIRE(m.dissipated[static_cast<std::size_t>(4 * i) + k] == Approx(static_cast<double>(g.lost[k])).margin(1e-13));
+      fastest = std::max(fastest, square);
+      for (const int k : {3, 7}) REQUIRE(r[k] == before[static_cast<std::size_t>(i * record_size(rotation) + k)]);
+    }
+    CHECK(result.max_speed_squared >= fastest);
+    CHECK(result.max_speed_squared <= 3.0 * fastest);
+    CHECK(result.is_any_outside == is_any_outside);
+    CHECK_FALSE(result.is_any_not_finite);
+  }
+}
+
+TEST_CASE("every instruction set moves grains to the same bits") {
+  if (targets().size() < 2) return;
+  for (int bits = 0; bits < 8; ++bits) {
+    std::vector<MotionSetup> all;
+    all.reserve(2);
+    for (const std::int64_t target : targets()) {
+      const OnTarget on(target);
+      all.emplace_back(bits & 1, bits & 2, bits & 4);
+      motion_kernel(bits & 1, bits & 2)(all.back().sums, nullptr, {0, all.back().n});
+    }
+    CHECK(same_bits(all[0].records.data(), all[1].records.data(), all[0].records.size()));
+    CHECK(same_bits(all[0].dissipated.data(), all[1].dissipated.data(), all[0].dissipated.size()));
+  }
+}
+
+TEST_CASE("a list of grains is advanced as a range is, and no others") {
+  MotionSetup by_range(true, true, false), by_list(true, true, false);
+  std::vector<std::int32_t> list;
+  for (std::int32_t i = 0; i < by_list.n; i += 3) list.push_back(i);
+  motion_kernel(true, true)(by_range.sums, nullptr, {0, by_range.n});
+  const MotionSetup before(true, true, false);
+  // the kernel expects the touches of the listed grains only
+  std::vector<std::int32_t> grains;
+  AlignedArray<double> slots;
+  slots.resize_discarding(by_list.walls.size());
+  const auto slot = static_cast<std::size_t>(slot_size(true, true));
+  for (std::size_t w = 0; w < by_list.wall_grain.size(); ++w)
+    if (by_list.wall_grain[w] % 3 == 0) {
+      std::copy_n(by_list.walls.data() + w * slot, slot, slots.data() + grains.size() * slot);
+      grains.push_back(by_list.wall_grain[w]);
+    }
+  by_list.sums.wall_grain = grains.data();
+  by_list.sums.wall_slots = slots.data();
+  by_list.sums.n_wall = static_cast<std::int64_t>(grains.size());
+  motion_kernel(true, true)(by_list.sums, list.data(), {0, static_cast<std::int64_t>(list.size())});
+  for (std::int32_t i = 0; i < by_list.n; ++i) {
+    const MotionSetup& expected = i % 3 == 0 ? by_range : before;
+    REQUIRE(same_bits(by_list.records.data() + 12 * i, expected.records.data() + 12 * i, 12));
+  }
+}
+
+TEST_CASE("an infinite or undefined force is noticed in whatever component and grain it is") {
+  for (const double bad : {std::nan(""), infinity, -infinity})
+    for (std::size_t k = 0; k < 3; ++k)
+      for (const int i : {0, 150, 300}) {
+        MotionSetup m(true, false, false);
+        m.records[static_cast<std::size_t>(i) * 12 + 4 + k] = bad;
+        CHECK(motion_kernel(true, false)(m.sums, nullptr, {0, m.n}).is_any_not_finite);
+      }
+}
+
+TEST_CASE("the pair filter finds just those that comparing with everything finds, in order, wherever the run begins") {
+  shapes::Dice dice(41);
+  constexpr int n = 500;
+  std::vector<double> x(n + 8), y(n + 8), z(n + 8), r(n + 8);
+  for (std::size_t j = 0; j < n; ++j) {
+    x[j] = dice.uniform(0, 1);
+    y[j] = dice.uniform(0, 1);
+    z[j] = dice.uniform(0, 1);
+    r[j] = dice.uniform(0.01, 0.2);
+  }
+  const Spheres spheres{x.data(), y.data(), z.data(), r.data()};
+  std::size_t n_near = 0;
+  for (const std::int64_t target : targets()) {
+    const OnTarget on(target);
+    for (int trial = 0; trial < 2000; ++trial) {
+      Range run{dice.index(n), 0};
+      run.end = run.begin + dice.index(static_cast<int>(n - run.begin) + 1);
+      const Vec3 centre = dice.point({-0.2, -0.2, -0.2}, {1.2, 1.2, 1.2});
+      const double reach = dice.uniform(0.0, 0.3);
+      std::vector<std::int32_t> found(static_cast<std::size_t>(run.size()) + 1, -7), expected;
+      for (auto j = static_cast<std::size_t>(run.begin); j < static_cast<std::size_t>(run.end); ++j)
+        if (length(centre - Vec3{x[j], y[j], z[j]}) < reach + r[j]) expected.push_back(static_cast<std::int32_t>(j));
+      const int n_found = pair_filter()(spheres, run, centre, reach, found.data());
+      REQUIRE(n_found == static_cast<int>(expected.size()));
+      REQUIRE(std::equal(expected.begin(), expected.end(), found.begin()));
+      REQUIRE(found.back() == -7);
+      n_near += expected.size();
+    }
+  }
+  CHECK(n_near > 10000);
+}
+
+TEST_CASE("an exact sum does not depend on order or on how it was shared out") {
+  shapes::Dice dice(51);
+  std::vector<double> values;
+  for (int i = 0; i < 3000; ++i) values.push_back(dice.uniform(-1, 1) * std::pow(2.0, dice.uniform(-400, 400)));
+  ExactSum forward, backward;
+  for (const double v : values) forward.add(v);
+  for (std::size_t i = values.size(); i-- > 0;) backward.add(values[i]);
+  CHECK(forward.value() == backward.value());
+  for (const std::size_t n_parts : {2u, 3u, 17u}) {
+    std::vector<ExactSum> parts(n_parts);
+    for (std::size_t i = 0; i < values.size(); ++i) parts[i * 7919 % n_parts].add(values[i]);
+    ExactSum whole;
+    for (const ExactSum& part : parts) whole.add(part);
+    CHECK(whole.value() == forward.value());
+  }
+  for (const double v : values) backward.add(-v);
+  CHECK(backward.value() == 0.0);
+}
+
+TEST_CASE("an exact sum is rounded once, to the nearest double and ties to even") {
+  const auto sum = [](std::vector<double> values) {
+    ExactSum s;
+    for (const double v : values) s.add(v);
+    return s.value();
+  };
+  constexpr double eps = 0x1p-52;
+  CHECK(sum({}) == 0.0);
+  CHECK(sum({1e308, 1.0, -1e308}) == 1.0);
+  CHECK(sum({1.0, 1e-300, -1.0}) == 1e-300);
+  CHECK(sum({1.0, eps / 2}) == 1.0);                          // a tie, to even
+  CHECK(sum({1.0 + eps, eps / 2}) == 1.0 + 2 * eps);          // a tie, to even
+  CHECK(sum({1.0, eps / 2, 5e-324}) == 1.0 + eps);            // just above the tie
+  CHECK(sum({1.0 + eps, eps / 2, -5e-324}) == 1.0 + eps);     // just below
+  CHECK(sum({-1.0, -eps / 2, -5e-324}) == -1.0 - eps);
+  CHECK(sum({5e-324, 5e-324, 5e-324}) == 3 * 5e-324);         // subnormal
+  CHECK(sum({0x1p-1022, -5e-324}) == 0x1p-1022 - 5e-324);
+  CHECK(sum({1e308, 1e308, -1e308}) == 1e308);                // beyond the largest double on the way
+  CHECK(std::isinf(sum({1.7e308, 1.7e308})));
+  CHECK(std::isnan(sum({1.0, infinity})));
+  CHECK(std::isnan(sum({std::nan("")})));
+  CHECK(sum({0.1, 0.2, -0.3}) == 0x1p-55);                    // of the doubles nearest to these: 2^-55 just so
+  shapes::Dice dice(61);
+  for (int trial = 0; trial < 2000; ++trial) {  // four numbers whose sum a long double holds exactly
+    std::vector<double> values;
+    long double exact = 0.0L;
+    for (int i = 0; i < 4; ++i) {
+      values.push_back(std::ldexp(std::floor(dice.uniform(-0x1p53, 0x1p53)), dice.index(8)));
+      exact += values.back();
+    }
+    REQUIRE(sum(values) == static_cast<double>(exact));
+  }
+}

@@ -1,0 +1,361 @@
+// The compiled sweeps against the reference, and the same bits in every lane, variant and instruction set.
+#include <catch2/catch.hpp>
+
+#include <numeric>
+
+#include "tests/unit/kernels_contacts.hpp"
+
+using namespace moraine;
+using namespace moraine::kernels_test;
+
+namespace {
+
+constexpr int n_contacts = 4003;  // not a multiple of a group
+
+/// Sum of the sizes of what a force is made of: round-off is relative to these where they cancel, and that of the overlap to
+/// the distance of the centres.
+double force_scale(const LawTable& table, std::size_t species, const LawChoice& choice, const ReferenceContact& c, const ReferenceForce& f,
+                   double mirror) {
+  const PairParameters p = table.at(species);
+  const double s = mirror * (c.a.inverse_mass + c.b.inverse_mass);
+  const double k = choice.normal == NormalLaw::linear
+                       ? p[Parameter::normal_stiffness]
+                       : 2.0 * p[Parameter::young] * std::sqrt(c.overlap / (mirror * (c.a.curvature + c.b.curvature)));
+  const double v = length(c.a.velocity - c.b.velocity) + c.a.arm * length(c.a.angular_velocity) + c.b.arm * length(c.b.angular_velocity);
+  const double distance = 1.0 / c.a.curvature + (c.b.curvature > 0.0 ? 1.0 / c.b.curvature : 0.0);
+  return length(f.force) + k * (c.overlap + 1e-3 * distance) + 2.0 * p[Parameter::damping] * std::sqrt(k / s) * v;
+}
+
+/// Most energy that a tangential spring of the power law can hold [J]: small displacements are told from it by a difference.
+double power_energy(const LawTable& table, std::size_t species, const LawChoice& choice, const ReferenceContact& c, double scale, double mirror) {
+  if (choice.tangential != TangentialLaw::power) return 0.0;
+  const PairParameters p = table.at(species);
+  const double a = std::sqrt(c.overlap / (mirror * (c.a.curvature + c.b.curvature)));
+  const double k_t = choice.normal == NormalLaw::linear ? p[Parameter::tangential_stiffness] : 8.0 * p[Parameter::shear] * a;
+  const double limit = p[Parameter::friction] * scale;
+  return limit * (p[Parameter::displacement] > 0.0 ? p[Parameter::displacement] : 1.5 * limit / k_t);
+}
+
+struct Worst {
+  double force = 0.0, torque = 0.0, history = 0.0, energy = 0.0;
+};
+
+/// Compares a slot and a row of history with the reference; relative errors are gathered in `worst`.
+void compare(const LawChoice& choice, const double* slot, const double* history, const double* arms, const ReferenceContact& c,
+             const ReferenceForce& f, double scale, double most_energy, double share, Worst& worst) {
+  const auto note = [](double& most, double error, double size) { most = std::max(most, size > 0.0 ? error / size : error); };
+  note(worst.force, length(Vec3{slot[0], slot[1], slot[2]} - f.force), scale);
+  if (choice.has_rotation) {
+    const Vec3 moment{slot[4], slot[5], slot[6]};
+    note(worst.torque, length(-arms[0] * moment - f.torque_a), scale * c.a.arm);
+    if (c.b.arm > 0.0) note(worst.torque, length(-arms[1] * moment - f.torque_b), scale * c.b.arm);
+  }
+  const bool remembers = has_history(choice);
+  const double v = length(c.a.velocity - c.b.velocity) + c.a.arm * length(c.a.angular_velocity) + c.b.arm * length(c.b.angular_velocity);
+  if (remembers) {
+    const double size = length(f.displacement) + length(c.displacement) + v * dt;
+    note(worst.history, length(Vec3{history[0], history[1], history[2]} - f.displacement), size + scale * 1e-4 / 1e3);
+  }
+  if (choice.has_ledger) {
+    const double* const lost = slot + slot_size(choice.has_rotation, true) - 4;
+    const double size = scale * v * dt + c.stored + f.energy_tangential + most_energy;
+    if (remembers) note(worst.energy, std::abs(history[3] - f.energy_tangential), size);
+    note(worst.energy, std::abs(lost[0] - share * f.lost_normal), size + scale * scale * dt * dt * c.a.inverse_mass);
+    note(worst.energy, std::abs(lost[1] - share * f.lost_tangential), size);
+    note(worst.energy, std::abs(lost[2] - share * f.lost_friction), size);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("every compiled pair sweep gives the forces, moments, memory and losses of the reference") {
+  for (const LawChoice& choice : all_choices()) {
+    INFO(name_of(choice));
+    Pairs pairs = random_pairs(choice, n_contacts, 11);
+    std::vector<Expected> expected;
+    for (int k = 0; k < pairs.n; ++k) expected.push_back(expected_of(pairs, k));
+    const std::vector<double> before(pairs.history.begin(), pairs.history.end());
+    const SweepResult result = pairs.run();
+    const bool remembers = has_history(choice);
+    Worst worst;
+    int n_touching = 0, n_sliding = 0, n_separating = 0;
+    for (int k = 0; k < pairs.n; ++k) {
+      const Expected& e = expected[static_cast<std::size_t>(k)];
+      const double* const slot = pairs.slots.data() + std::int64_t{k} * pairs.slot_doubles();
+      const double* const history = pairs.history.data() + 4 * k;
+      if (!e.touches) {
+        for (int q = 0; q < pairs.slot_doubles(); ++q) {
+          const bool is_friction = choice.has_ledger && remembers && q == pairs.slot_doubles() - 2;
+          REQUIRE(slot[q] == (is_friction ? before[static_cast<std::size_t>(4 * k + 3)] : 0.0));
+        }
+        if (remembers) REQUIRE(std::all_of(history, history + 4, [](double x) { return x == 0.0; }));
+        continue;
+      }
+      ++n_touching;
+      n_sliding += e.force.slides;
+      n_separating += dot(e.contact.a.velocity - e.contact.b.velocity, e.contact.normal) > 0.0;
+      const double arms[2] = {slot[3], choice.has_rotation ? slot[7] : 0.0};
+      const std::size_t species = pairs.species[static_cast<std::size_t>(k)];
+      const double scale = force_scale(pairs.table, species, choice, e.contact, e.force, 1.0);
+      compare(choice, slot, history, arms, e.contact, e.force, scale,
+              power_energy(pairs.table, species, choice, e.contact, scale, 1.0), 1.0, worst);
+    }
+    CHECK(result.n_touching == n_touching);
+    CHECK(n_touching > pairs.n / 2);
+    CHECK(n_separating > pairs.n / 5);
+    if (choice.tangential != TangentialLaw::none) {
+      CHECK(n_sliding > pairs.n / 20);
+      CHECK(n_touching - n_sliding > pairs.n / 20);
+    }
+    CHECK(worst.force < 1e-12);
+    CHECK(worst.torque < 1e-12);
+    CHECK(worst.history < 1e-12);
+    CHECK(worst.energy < 1e-12);
+  }
+}
+
+TEST_CASE("pairs of the dummy grain give zeros beside pairs that touch") {
+  for (const LawChoice& choice : all_choices()) {
+    INFO(name_of(choice));
+    Pairs pairs = random_pairs(choice, n_contacts, 12);
+    pairs.run();
+    for (std::int64_t k = pairs.n; k < pairs.range().end; ++k)
+      for (int q = 0; q < pairs.slot_doubles(); ++q) REQUIRE(pairs.slots[static_cast<std::size_t>(k * pairs.slot_doubles() + q)] == 0.0);
+  }
+}
+
+TEST_CASE("a pair gives the same bits in any lane and beside any others") {
+  for (const LawChoice& choice : all_choices()) {
+    INFO(name_of(choice));
+    Pairs plain = random_pairs(choice, n_contacts, 13), shuffled = random_pairs(choice, n_contacts, 13);
+    std::vector<std::size_t> order(static_cast<std::size_t>(plain.n));
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    shapes::Dice dice(3);
+    for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[static_cast<std::size_t>(dice.index(static_cast<int>(i)))]);
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      shuffled.a[k] = plain.a[order[k]];
+      shuffled.b[k] = plain.b[order[k]];
+      shuffled.image[k] = plain.image[order[k]];
+      shuffled.species[k] = plain.species[order[k]];
+      std::copy_n(plain.history.data() + 4 * order[k], 4, shuffled.history.data() + 4 * k);
+    }
+    plain.run();
+    shuffled.run();
+    const auto size = static_cast<std::size_t>(plain.slot_doubles());
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      REQUIRE(same_bits(shuffled.slots.data() + size * k, plain.slots.data() + size * order[k], size));
+      REQUIRE(same_bits(shuffled.history.data() + 4 * k, plain.history.data() + 4 * order[k], 4));
+    }
+  }
+}
+
+TEST_CASE("uniform and general sweeps give the same bits for grains that are all alike") {
+  for (const LawChoice& choice : all_choices()) {
+    if (!choice.is_uniform) continue;
+    INFO(name_of(choice));
+    for (const double radius : {0.004, 0.0037, 0.011}) {
+      Pairs uniform = random_pairs(choice, n_contacts, 14);
+      uniform.radius = radius;
+      for (std::int32_t i = 0; i < 2 * uniform.n; ++i) uniform.record(i)[3] = radius;
+      Pairs general = random_pairs(choice, n_contacts, 14);
+      for (std::int32_t i = 0; i < 2 * uniform.n; ++i) general.record(i)[3] = radius;
+      general.choice.is_uniform = false;
+      uniform.run();
+      general.run();
+      CHECK(same_bits(uniform.slots.data(), general.slots.data(), uniform.slots.size()));
+      CHECK(same_bits(uniform.history.data(), general.history.data(), uniform.history.size()));
+    }
+  }
+}
+
+TEST_CASE("sweeps with and without the ledger give the same bits of force, moment and memory") {
+  for (const LawChoice& choice : all_choices()) {
+    if (!choice.has_ledger) continue;
+    INFO(name_of(choice));
+    Pairs with = random_pairs(choice, n_contacts, 15);
+    LawChoice plain = choice;
+    plain.has_ledger = false;
+    Pairs without = random_pairs(plain, n_contacts, 15);
+    with.run();
+    without.run();
+    for (int k = 0; k < with.n; ++k) {
+      REQUIRE(same_bits(with.slots.data() + k * with.slot_doubles(), without.slots.data() + k * without.slot_doubles(),
+                        static_cast<std::size_t>(without.slot_doubles())));
+      const bool remembers = has_history(choice);
+      if (remembers) REQUIRE(same_bits(with.history.data() + 4 * k, without.history.data() + 4 * k, 3));
+    }
+  }
+}
+
+TEST_CASE("every instruction set gives the same bits for pairs") {
+  if (targets().size() < 2) {
+    WARN("this machine has one instruction set only");
+    return;
+  }
+  for (const LawChoice& choice : all_choices()) {
+    INFO(name_of(choice));
+    std::vector<Pairs> all;
+    std::vector<SweepResult> results;
+    std::vector<PairKernel> kernels;
+    for (const std::int64_t target : targets()) {
+      const OnTarget on(target);
+      kernels.push_back(contact_kernels(choice).pairs);
+      all.push_back(random_pairs(choice, n_contacts, 16));
+      results.push_back(all.back().run());
+    }
+    CHECK(kernels[0] != kernels[1]);
+    CHECK(results[0].n_touching == results[1].n_touching);
+    CHECK(same_bits(all[0].slots.data(), all[1].slots.data(), all[0].slots.size()));
+    CHECK(same_bits(all[0].history.data(), all[1].history.data(), all[0].history.size()));
+  }
+}
+
+TEST_CASE("an overlap beyond the limit is reported, one below is not") {
+  for (const LawChoice& choice : all_choices()) {
+    if (choice.is_uniform) continue;
+    INFO(name_of(choice));
+    Pairs pairs = random_pairs(choice, 203, 17);
+    CHECK_FALSE(pairs.run().has_large_overlap);
+    PairSweep sweep = pairs.sweep();
+    sweep.max_overlap = 0.3;  // random overlaps reach 0.4
+    CHECK(contact_kernels(choice).pairs(sweep, pairs.range(), pairs.slots.data()).has_large_overlap);
+  }
+}
+
+namespace {
+
+/// Touches of grains with walls and mirrors, one grain each.
+struct Walls {
+  LawChoice choice;
+  LawTable table;
+  int n = 0;
+  AlignedArray<double> records, columns, history, slots;
+  std::vector<std::int32_t> grain;
+  std::vector<std::uint8_t> species;
+  std::size_t filled = 0;
+
+  double* column(std::size_t c) { return columns.data() + c * filled; }
+  WallSweep sweep() {
+    return {records.data(),
+            {grain.data(), column(0), column(1), column(2), column(3), column(4), column(5), column(6), column(7), species.data(),
+             history.data(), slots.data()},
+            &table, dt, 0.5};
+  }
+  SweepResult run() { return contact_kernels(choice).walls(sweep(), {0, static_cast<std::int64_t>(filled)}); }
+  int slot_doubles() const { return slot_size(choice.has_rotation, choice.has_ledger); }
+};
+
+Walls random_walls(const LawChoice& choice, int n, std::uint64_t seed) {
+  shapes::Dice dice(seed);
+  Walls w;
+  w.choice = choice;
+  w.table = random_table(dice);
+  w.n = n;
+  w.filled = static_cast<std::size_t>((n + pair_group - 1) / pair_group * pair_group);
+  w.grain.assign(w.filled, n);
+  w.species.assign(w.filled, 0);
+  w.columns.resize_discarding(8 * w.filled);
+  w.history.resize_discarding(4 * w.filled);
+  w.slots.resize_discarding(w.filled * static_cast<std::size_t>(w.slot_doubles()));
+  const int stride = record_size(choice.has_rotation);
+  w.records.resize_discarding(static_cast<std::size_t>((n + 1) * stride));
+  std::fill(w.columns.begin(), w.columns.end(), 0.0);
+  std::fill(w.history.begin(), w.history.end(), 0.0);
+  std::fill(w.slots.begin(), w.slots.end(), 1e300);
+  put_dummy(w.records.data() + std::int64_t{n} * stride, choice.has_rotation);
+  for (std::size_t k = static_cast<std::size_t>(n); k < w.filled; ++k) {
+    w.column(0)[k] = 1.0;
+    w.column(3)[k] = infinity;
+    w.column(7)[k] = 1.0;
+  }
+  for (int k = 0; k < n; ++k) {
+    const auto p = static_cast<std::size_t>(k);
+    w.grain[p] = k;
+    w.species[p] = static_cast<std::uint8_t>(dice.index(n_species));
+    const double radius = 0.01 * std::pow(10.0, dice.uniform(-1.0, 0.0));
+    const double overlap = radius * (dice.index(4) == 0 ? -dice.uniform(0.0, 0.3) : std::pow(10.0, dice.uniform(-3.0, -0.4)));
+    const Vec3 normal = dice.direction(), x = dice.point({-1, -1, -1}, {1, 1, 1});
+    const double speed = std::pow(10.0, dice.uniform(-4.0, 0.5));
+    const Vec3 v = speed * dice.direction(), spin = speed / radius * dice.direction();
+    const double mass = 2500.0 * 4.0 / 3.0 * std::numbers::pi * radius * radius * radius;
+    const double values[12] = {x.x, x.y, x.z, radius, v.x, v.y, v.z, 1.0 / mass, spin.x, spin.y, spin.z, 1.0 / (0.4 * mass * radius * radius)};
+    std::copy_n(values, stride, w.records.data() + std::int64_t{k} * stride);
+    const double mirror = dice.index(3) == 0 ? 2.0 : 1.0;
+    const Vec3 wall = mirror == 2.0 ? Vec3{} : 0.3 * speed * dice.direction();
+    const double row[8] = {normal.x, normal.y, normal.z, radius - overlap, wall.x, wall.y, wall.z, mirror};
+    for (std::size_t c = 0; c < 8; ++c) w.column(c)[p] = row[c];
+    const Vec3 h = tangent(dice, normalized(normal + 0.01 * dice.direction()), random_size(dice));
+    const double memory[4] = {h.x, h.y, h.z, squared_length(h) > 0.0 ? 1e-6 * dice.uniform(0.0, 1.0) : 0.0};
+    if (has_history(choice)) std::copy_n(memory, 4, w.history.data() + 4 * k);
+  }
+  return w;
+}
+
+}  // namespace
+
+TEST_CASE("every compiled wall sweep gives what the reference gives, at walls and at mirrors") {
+  for (const LawChoice& choice : all_choices()) {
+    INFO(name_of(choice));
+    Walls walls = random_walls(choice, n_contacts, 21);
+    const int stride = record_size(choice.has_rotation);
+    const std::vector<double> before(walls.history.begin(), walls.history.end());
+    walls.run();
+    Worst worst;
+    int n_touching = 0;
+    for (int k = 0; k < walls.n; ++k) {
+      const auto p = static_cast<std::size_t>(k);
+      const double* const r = walls.records.data() + std::int64_t{k} * stride;
+      const double distance = walls.column(3)[p], mirror = walls.column(7)[p];
+      const double* const slot = walls.slots.data() + std::int64_t{k} * walls.slot_doubles();
+      if (!(distance < r[3])) {
+        for (int q = 0; q < 3; ++q) REQUIRE(slot[q] == 0.0);
+        if (choice.has_rotation)
+          for (int q = 4; q < 7; ++q) REQUIRE(slot[q] == 0.0);
+        continue;
+      }
+      ++n_touching;
+      ReferenceContact c;
+      c.overlap = mirror * (r[3] - distance);
+      c.normal = {walls.column(0)[p], walls.column(1)[p], walls.column(2)[p]};
+      c.a = body_of(r, choice.has_rotation, distance);
+      c.b.velocity = {walls.column(4)[p], walls.column(5)[p], walls.column(6)[p]};
+      c.displacement = {before[4 * p], before[4 * p + 1], before[4 * p + 2]};
+      c.stored = before[4 * p + 3];
+      const ReferenceForce f = reference_contact(choice.normal, choice.tangential, choice.has_rotation, walls.table.at(walls.species[p]), c, dt, mirror);
+      const double arms[2] = {slot[3], 0.0};
+      const double scale = force_scale(walls.table, walls.species[p], choice, c, f, mirror);
+      compare(choice, slot, walls.history.data() + 4 * k, arms, c, f, scale,
+              power_energy(walls.table, walls.species[p], choice, c, scale, mirror), 1.0 / mirror, worst);
+    }
+    CHECK(n_touching > walls.n / 2);
+    CHECK(worst.force < 1e-12);
+    CHECK(worst.torque < 1e-12);
+    CHECK(worst.history < 1e-12);
+    CHECK(worst.energy < 1e-12);
+  }
+}
+
+TEST_CASE("every instruction set gives the same bits at walls") {
+  if (targets().size() < 2) {
+    WARN("this machine has one instruction set only");
+    return;
+  }
+  for (const LawChoice& choice : all_choices()) {
+    INFO(name_of(choice));
+    std::vector<Walls> all;
+    for (const std::int64_t target : targets()) {
+      const OnTarget on(target);
+      all.push_back(random_walls(choice, n_contacts, 22));
+      all.back().run();
+    }
+    CHECK(same_bits(all[0].slots.data(), all[1].slots.data(), static_cast<std::size_t>(all[0].n * all[0].slot_doubles())));
+    CHECK(same_bits(all[0].history.data(), all[1].history.data(), all[0].history.size()));
+  }
+}
+
+TEST_CASE("a combination that is not compiled has no kernels") {
+  const ContactKernels kernels = contact_kernels({NormalLaw::linear, TangentialLaw::mindlin, true, false, false});
+  CHECK(kernels.pairs == nullptr);
+  CHECK(kernels.walls == nullptr);
+  for (const LawChoice& choice : all_choices()) CHECK(contact_kernels(choice).pairs != nullptr);
+}
