@@ -66,6 +66,7 @@ void Cells::sort(const Particles& particles, const Box& domain, const std::array
     if (total <= max_cells || !(width < 1e300)) break;
     width *= std::max(1.05, std::cbrt(total / max_cells));
   }
+  periodic_ = periodic;
   axes_ = {0, 1, 2};
   std::stable_sort(axes_.begin(), axes_.end(), [&](int a, int b) {
     return counts_by_axis[static_cast<std::size_t>(a)] > counts_by_axis[static_cast<std::size_t>(b)];

@@ -53,6 +53,12 @@ class Cells {
 
   /// Centres may come nearer than this [m].
   double reach() const { return reach_; }
+  /// True where the domain was periodic in the directions of all steps of that image code.
+  bool has_image(std::uint8_t code) const {
+    const auto s = image::steps(code);
+    return (s[0] == 0 || periodic_[0]) && (s[1] == 0 || periodic_[1]) && (s[2] == 0 || periodic_[2]);
+  }
+
   /// Number of cells along the slow, middle and fast axis.
   const std::array<int, 3>& counts() const { return counts_; }
   std::size_t memory() const;
@@ -62,6 +68,7 @@ class Cells {
   std::array<int, 3> axes_{0, 1, 2};  // which axis is slow, middle, fast
   std::array<int, 3> counts_{1, 1, 1};
   std::array<bool, 3> wraps_{};       // by role
+  std::array<bool, 3> periodic_{};    // by axis
   double reach_ = 0.0;
   Vec3 low_;
   Vec3 inverse_width_;

@@ -24,12 +24,12 @@ constexpr std::int64_t round_up(std::int64_t k) { return (k + pair_group - 1) / 
 std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
 
 /// Images in which a grain may meet itself: there are some where the domain is hardly wider than the largest grain.
-std::vector<std::uint8_t> near_own_images(std::span<const Vec3> image_shift, double reach) {
+std::vector<std::uint8_t> near_own_images(const Cells& cells, std::span<const Vec3> image_shift) {
   std::vector<std::uint8_t> codes;
   for (std::uint8_t code = 1; code < image_shift.size(); ++code) {
     const auto [x, y, z] = image::steps(code);
     const bool is_neighbour = std::max({std::abs(x), std::abs(y), std::abs(z)}) == 1;
-    if (is_neighbour && image::is_positive(code) && length(image_shift[code]) < reach) codes.push_back(code);
+    if (is_neighbour && image::is_positive(code) && cells.has_image(code) && length(image_shift[code]) < cells.reach()) codes.push_back(code);
   }
   return codes;
 }
@@ -77,7 +77,7 @@ void PairList::search(const Particles& particles, const Cells& cells, std::span<
   coordinates.resize_discarding(4 * row);
   const Spheres spheres{coordinates.data(), coordinates.data() + row, coordinates.data() + 2 * row, coordinates.data() + 3 * row};
   const PairFilter filter = pair_filter();
-  const std::vector<std::uint8_t> own_images = near_own_images(image_shift, cells.reach());
+  const std::vector<std::uint8_t> own_images = near_own_images(cells, image_shift);
   raw_.resize(at(n_threads));
   parallel(n_threads, [&](int thread) {
     const Range share = share_of(n, thread, n_threads);

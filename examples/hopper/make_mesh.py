@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
-"""Writes the hopper's mesh: four slopes from a square of side 20 m down to a square outlet of side 8 m, as binary STL.
+"""Writes the hopper's mesh: four slopes from a square of side 20 m down to a square outlet of side 14 m, as binary STL.
 
     python3 make_mesh.py            # hopper.stl, the whole hopper, and hopper_quarter.stl, the part with x > 0 and y > 0
 
-The slopes begin at z = 5 m and end at z = 1 m (34 degrees). They are cut into more triangles than planes need, because
+The slopes begin at z = 7 m and end at z = 1 m (63 degrees). They are cut into more triangles than planes need, because
 that is what meshes look like that come from a CAD program; grains feel the smooth surface all the same.
 """
 
 import struct
 from pathlib import Path
 
-HALF_TOP, HALF_OUTLET = 10.0, 4.0 # [m] from the axis to the middle of a side
-Z_TOP, Z_OUTLET = 5.0, 1.0          # [m]
+HALF_TOP, HALF_OUTLET = 10.0, 7.0 # [m] from the axis to the middle of a side
+Z_TOP, Z_OUTLET = 7.0, 1.0          # [m]
 N_DOWN, N_ACROSS = 4, 8           # cells of one slope (of half a slope in the quarter)
 
 

@@ -51,6 +51,36 @@ Hash128 hash_range(const FileHandle& file, std::uint64_t begin, std::uint64_t en
   return stream.value();
 }
 
+/// Hash of all content, which must hold the parts as they are said to be; one pass over the file, as it may be large.
+Hash128 hash_content(const FileHandle& file, const fs::path& path, const SealHeader& header) {
+  std::vector<const FilePart*> parts;
+  for (const FilePart& part : header.parts) parts.push_back(&part);
+  std::sort(parts.begin(), parts.end(), [](const FilePart* a, const FilePart* b) { return a->offset < b->offset; });
+  HashStream content, inside;
+  std::vector<char> buffer(block_bytes);
+  std::uint64_t at = header.header_bytes;
+  const auto pass = [&](std::uint64_t end) {
+    inside.reset();
+    while (at < end) {
+      const std::size_t n =
+          file.read(buffer.data(), static_cast<std::size_t>(std::min<std::uint64_t>(block_bytes, end - at)), at);
+      if (n == 0) throw StorageError(path, "became shorter while it was written");
+      content.add(buffer.data(), n);
+      inside.add(buffer.data(), n);
+      at += n;
+    }
+  };
+  for (const FilePart* part : parts) {
+    pass(part->offset);
+    pass(part->offset + part->bytes);
+    if (inside.value() != part->hash)
+      throw StorageError(
+          path, "what was read back of " + part->name + " is not what was written: the disk or memory is at fault");
+  }
+  pass(header.file_bytes);
+  return content.value();
+}
+
 std::string seal_text(const SealHeader& header) {
   std::string text = "Moraine " + header.kind + ' ' + std::to_string(header.format) + '\n';
   text += "header " + std::to_string(header.header_bytes) + '\n';
@@ -172,12 +202,7 @@ void seal_file(const fs::path& written, const fs::path& path, const std::string&
                std::vector<FilePart> parts) {
   FileHandle file(written, O_RDWR, path);
   SealHeader header{kind, file_format, header_bytes, file.size(), {}, std::move(parts)};
-  std::vector<char> buffer;
-  header.content = hash_range(file, header_bytes, header.file_bytes, buffer);
-  for (const FilePart& part : header.parts)
-    if (hash_range(file, part.offset, part.offset + part.bytes, buffer) != part.hash)
-      throw StorageError(
-          path, "what was read back of " + part.name + " is not what was written: the disk or memory is at fault");
+  header.content = hash_content(file, path, header);
   std::string text = seal_text(header);
   if (text.size() > header_bytes) throw std::logic_error("the seal does not fit into its user block");
   text.resize(header_bytes, '\0');

@@ -74,7 +74,8 @@ std::string domain_text(const Domain& domain) {
 }
 
 std::string material_text(const Material& material) {
-  std::string text = fmt::format("{}: {:.6g} kg/m3", material.name, material.density);
+  std::string text = material.name;
+  if (material.density > 0.0) text += fmt::format(": {:.6g} kg/m3", material.density);
   if (material.young > 0.0)
     text += fmt::format(", Young's modulus {:.4g} Pa, Poisson's ratio {:.3g}", material.young, material.poisson);
   return text;
@@ -128,15 +129,18 @@ std::string time_rows(const Scene& scene, const Plan& plan) {
   return rows + row("time", fmt::format("{:.6g} s in {}", scene.time.end, counted(plan.n_steps, "step")));
 }
 
-std::string output_row(const Scene& scene, double time_step) {
+std::vector<std::string> output_lines(const Scene& scene, double time_step) {
   const Output& output = scene.output;
-  std::string text = output.snapshot_interval > 0.0 ? fmt::format("a snapshot every {:.6g} s", output.snapshot_interval)
-                                                    : std::string("one snapshot at the end");
-  text += output.checkpoint_interval > 0.0 ? fmt::format(", a checkpoint every {:.6g} s", output.checkpoint_interval)
-                                           : ", a checkpoint at the end";
+  std::vector<std::string> lines;
+  lines.push_back(output.snapshot_interval > 0.0 ? fmt::format("a snapshot every {:.6g} s", output.snapshot_interval)
+                                                 : "one snapshot at the end");
+  lines.push_back(output.checkpoint_interval > 0.0
+                      ? fmt::format("a checkpoint every {:.6g} s", output.checkpoint_interval)
+                      : "a checkpoint at the end");
   for (const Probe& probe : output.probes)
-    text += fmt::format(", {}.csv every {:.6g} s", probe.name, probe.interval > 0.0 ? probe.interval : time_step);
-  return row("output", text);
+    lines.push_back(
+        fmt::format("{}.csv every {:.6g} s", probe.name, probe.interval > 0.0 ? probe.interval : time_step));
+  return lines;
 }
 
 }  // namespace
@@ -161,7 +165,7 @@ std::string check_text(const std::filesystem::path& scene_file, const std::vecto
   text += list_rows("kernels", plan.chosen);
   text += list_rows("left out", plan.left_out);
   text += row("skin", fmt::format("{:.6g} m", plan.skin));
-  text += output_row(scene, plan.time_step.step);
+  text += list_rows("output", output_lines(scene, plan.time_step.step));
   text += row("layout", chosen.text());
   text += row("memory", fmt::format("about {}", bytes_text(plan.memory)));
   text += row("will take", fmt::format("about {}", duration_text(plan.seconds)));

@@ -38,9 +38,10 @@ std::string Progress::line(double now, std::uint64_t step) {
   }
   const double percent = 100.0 * static_cast<double>(step) / static_cast<double>(last_step_);
   const double left = static_cast<double>(last_step_ - step) / steps_per_second_;
-  return fmt::format("{:.5g} s of {:.5g} s  {:.1f} %  step {} of {}  {:.2f} M particle-steps/s  {} left",
-                     static_cast<double>(step) * time_step_, static_cast<double>(last_step_) * time_step_, percent,
-                     step, last_step_, speed_ * 1e-6, duration_text(left));
+  // Short enough for a line of 80 characters.
+  return fmt::format("{:5.1f} %  {:.4g} of {:.4g} s  step {}  {:.2f} M particle-steps/s  {} left", percent,
+                     static_cast<double>(step) * time_step_, static_cast<double>(last_step_) * time_step_, step,
+                     speed_ * 1e-6, duration_text(left));
 }
 
 void Progress::update(std::uint64_t step, std::uint64_t n_grains) {

@@ -17,13 +17,16 @@ std::string phase_table(const Simulation& simulation, const RunTimes& times) {
   std::vector<PhaseTime> rows = simulation.phases();
   // What the simulation sees as the time between its steps is ours to share out: start and output.
   std::erase_if(rows, [](const PhaseTime& row) { return row.name == "outside the step"; });
-  double in_phases = 0.0;
-  for (const PhaseTime& row : rows) in_phases += row.seconds;
+  const auto sum = [&] {
+    double seconds = 0.0;
+    for (const PhaseTime& row : rows) seconds += row.seconds;
+    return seconds;
+  };
   // Phases are those of the steps; what the steps took beyond them is shown, not hidden.
-  const double whole = times.start + times.stepping + times.outputs;
-  if (times.stepping - in_phases > 0.001 * whole) rows.push_back({"other", times.stepping - in_phases});
+  if (times.stepping > sum()) rows.push_back({"other", times.stepping - sum()});
   rows.push_back({"output", times.outputs});
   rows.push_back({"start", times.start});
+  const double whole = sum();
   std::string text = fmt::format("{:<28}{:>12}{:>10}\n", "phase", "seconds", "percent");
   for (const PhaseTime& row : rows)
     if (row.seconds > worth_a_row * whole)

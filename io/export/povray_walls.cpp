@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
+#include <utility>
 #include <vector>
 
 namespace moraine {
@@ -106,10 +108,27 @@ class WallWriter {
   }
 
   std::string operator()(const MeshShape& shape) const {
-    return triangle_mesh(shape.mesh.vertices, shape.mesh.triangles, "glass_wall");
+    return triangle_mesh(shape.mesh.vertices, shape.mesh.triangles, "glass_wall") + sharp_edges(shape.mesh);
   }
 
  private:
+  /// Rims, and edges where the surface turns by more than 30 degrees: they show the shape of a translucent mesh.
+  std::string sharp_edges(const TriangleMesh& mesh) const {
+    std::map<std::pair<std::int32_t, std::int32_t>, std::vector<Vec3>> normals;  // of the triangles on each edge
+    for (const auto& t : mesh.triangles) {
+      const auto vertex = [&](std::size_t i) { return mesh.vertices[static_cast<std::size_t>(t[i % 3])]; };
+      const Vec3 normal = cross(vertex(1) - vertex(0), vertex(2) - vertex(0));
+      if (squared_length(normal) == 0.0) continue;
+      for (std::size_t i = 0; i < 3; ++i) normals[std::minmax(t[i], t[(i + 1) % 3])].push_back(normalized(normal));
+    }
+    std::string text;
+    for (const auto& [edge, sides] : normals)
+      if (sides.size() != 2 || std::abs(dot(sides[0], sides[1])) < 0.866)
+        text += line(mesh.vertices[static_cast<std::size_t>(edge.first)],
+                     mesh.vertices[static_cast<std::size_t>(edge.second)], radius_);
+    return text;
+  }
+
   bool faces_camera(Vec3 point, Vec3 normal) const {
     return dot(camera_.is_parallel ? -camera_.ahead : camera_.place - point, normal) > 0.0;
   }

@@ -1,10 +1,23 @@
 #include "io/scene_toml/document.hpp"
 
 #include <fmt/format.h>
-#include <toml++/toml.h>
 
 #include <algorithm>
 #include <sstream>
+
+// toml++ 3.3 asserts in places where a text can be at fault (a header "[.a]"), and with NDEBUG takes the assertion for
+// granted. A bad scene must not end the process: its assertions throw, in every build. So it is used as headers only, not as
+// the library that comes with it, whose assertions are as they were compiled.
+namespace moraine::scene_toml {
+struct ParserGaveUp {};
+[[noreturn]] inline void give_up() { throw ParserGaveUp{}; }
+}  // namespace moraine::scene_toml
+#pragma push_macro("NDEBUG")
+#undef NDEBUG
+#define TOML_HEADER_ONLY 1
+#define TOML_ASSERT(expression) ((expression) ? void() : ::moraine::scene_toml::give_up())
+#include <toml++/toml.h>
+#pragma pop_macro("NDEBUG")
 
 #include "io/scene_toml/scene_toml.hpp"
 #include "io/scene_toml/words.hpp"
@@ -72,17 +85,45 @@ Node convert(const toml::node& from) {
 
 }  // namespace
 
+namespace {
+
+[[noreturn]] void fail(const std::string& name, int line, int column, std::string_view what) {
+  SceneMessage message;
+  message.origin = name;
+  message.line = line;
+  message.column = column;
+  message.message = fmt::format("not TOML: {}", what);
+  throw SceneFileError({message});
+}
+
+bool gives_up(const std::string& text) {
+  try {
+    static_cast<void>(toml::parse(text));
+  } catch (const toml::parse_error&) {
+  } catch (const ParserGaveUp&) {
+    return true;
+  }
+  return false;
+}
+
+/// The first line with which the parser gives up; slow, and hardly ever needed.
+int line_of_giving_up(const std::string& text) {
+  int line = 1;
+  for (std::size_t end = text.find('\n'); end != std::string::npos; end = text.find('\n', end + 1), ++line)
+    if (gives_up(text.substr(0, end + 1))) break;
+  return line;
+}
+
+}  // namespace
+
 Node parse_document(const std::string& text, const std::string& name) {
   try {
     return convert(toml::parse(text, name));
   } catch (const toml::parse_error& error) {
     const Place place = to_place(error.source().begin);
-    SceneMessage message;
-    message.origin = name;
-    message.line = place.line;
-    message.column = place.column;
-    message.message = fmt::format("not TOML: {}", error.description());
-    throw SceneFileError({message});
+    fail(name, place.line, place.column, error.description());
+  } catch (const ParserGaveUp&) {
+    fail(name, line_of_giving_up(text), 0, "expected a key; a key has letters, digits, _ and -, or stands in quotes");
   }
 }
 

@@ -205,6 +205,8 @@ const std::vector<Broken> table = {
      "31: key \"run.layout\": is \"4 threads\"; expected \"auto\" or ranks x threads such as \"2x4\""},
     // the text itself
     {"not TOML", "end = 2.0", "end = ", "5:7: not TOML: Error while parsing key-value pair: expected value, saw '\\n'"},
+    {"header without a key", "[contact]", "[.contact]",
+     "10: not TOML: expected a key; a key has letters, digits, _ and -, or stands in quotes"},
     {"key given twice", "end = 2.0", "end = 2.0\nend = 3.0", "6:7: not TOML: Error while parsing key-value pair: cannot redefine existing floating-point 'end'"},
 };
 

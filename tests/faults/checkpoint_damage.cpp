@@ -35,7 +35,8 @@ std::string refusal(const fs::path& path, Read read) {
 }
 
 void write_bytes(const fs::path& path, const std::string& bytes) {
-  std::ofstream(path, std::ios::binary | std::ios::trunc).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  std::ofstream(path, std::ios::binary | std::ios::trunc)
+      .write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
 }
 
 /// Every byte of the first kilobytes, and a spread over the rest, altered in one bit.
@@ -60,7 +61,8 @@ void cut_lengths(const fs::path& path, Read read) {
   const std::string sound = read_file(path);
   std::size_t n_accepted = 0;
   FileHandle file(path, O_RDWR);
-  for (std::size_t length = sound.size() - 1; length > 0; length -= length > 5000 ? 101 : std::min<std::size_t>(length, 7)) {
+  for (std::size_t length = sound.size() - 1; length > 0;
+       length -= length > 5000 ? 101 : std::min<std::size_t>(length, 7)) {
     file.resize(length);
     n_accepted += refusal(path, read).empty();
   }
@@ -128,7 +130,9 @@ TEST_CASE("a block of zeros, of noise, or of another checkpoint in the midst of 
     for (int kind = 0; kind < 3; ++kind) {
       std::string bytes = sound;
       for (std::size_t i = at; i < at + 4096; ++i)
-        bytes[i] = kind == 0 ? '\0' : kind == 1 ? static_cast<char>(random_bits(1, i, RandomPurpose::choice)) : other[i];
+        bytes[i] = kind == 0   ? '\0'
+                   : kind == 1 ? static_cast<char>(random_bits(1, i, RandomPurpose::choice))
+                               : other[i];
       if (bytes == sound) continue;
       write_bytes(path, bytes);
       INFO("block at " << at << ", kind " << kind);
@@ -183,6 +187,7 @@ TEST_CASE("a directory that is missing or cannot be written is named, and the ol
   const fs::path path = disk / "c.h5";
   write_checkpoint(path, make_image(3, 7), record);
   REQUIRE(::mount(nullptr, disk.c_str(), nullptr, MS_REMOUNT | MS_RDONLY, nullptr) == 0);
-  CHECK_THROWS_WITH(write_checkpoint(path, make_image(3, 8), record), path.string() + ": cannot be written: the file system is read-only");
+  CHECK_THROWS_WITH(write_checkpoint(path, make_image(3, 8), record),
+                    path.string() + ": cannot be written: the file system is read-only");
   CHECK(read_checkpoint(path).image.step == 7);
 }

@@ -18,7 +18,8 @@ Scene empty_scene(Vec3 low, Vec3 high, double step);
 PairLaw pair_law(const std::string& a, const std::string& b, double restitution, double friction);
 
 /// Adds a grain of that material; grains of one material follow each other by gid in the order in which they were added.
-void add_grain(Scene& scene, const std::string& material, double radius, Vec3 position, Vec3 velocity = {}, Vec3 spin = {});
+void add_grain(Scene& scene, const std::string& material, double radius, Vec3 position, Vec3 velocity = {},
+               Vec3 spin = {});
 
 void add_plane(Scene& scene, const std::string& name, const std::string& material, Vec3 point, Vec3 normal);
 

@@ -99,8 +99,9 @@ TEST_CASE("a collision gives the restitution of the scene for both normal laws, 
       Errors by_step[3];
       const double steps[3] = {20, 50, 200};
       for (int k = 0; k < 3; ++k) by_step[k] = collide({law, e, 1.0, steps[k], false});
-      report("%s e %.2f: mean error %.1e %.1e %.1e, worst %.1e %.1e %.1e at 20, 50, 200 steps a contact", name_of(law), e, by_step[0].mean,
-             by_step[1].mean, by_step[2].mean, by_step[0].worst, by_step[1].worst, by_step[2].worst);
+      report("%s e %.2f: mean error %.1e %.1e %.1e, worst %.1e %.1e %.1e at 20, 50, 200 steps a contact", name_of(law),
+             e, by_step[0].mean, by_step[1].mean, by_step[2].mean, by_step[0].worst, by_step[1].worst,
+             by_step[2].worst);
       CHECK(by_step[0].worst < 0.05);
       CHECK(by_step[1].worst < 0.02);
       CHECK(by_step[2].worst < 0.005);
@@ -109,21 +110,29 @@ TEST_CASE("a collision gives the restitution of the scene for both normal laws, 
     }
 }
 
-TEST_CASE("restitution converges: second order without a dashpot and in the mean with one, first order in a single collision", "[restitution]") {
+TEST_CASE(
+    "restitution converges: second order without a dashpot and in the mean with one, first order in a single collision",
+    "[restitution]") {
   for (const NormalLaw law : {NormalLaw::linear, NormalLaw::hertz})
     for (const double e : {0.2, 0.5, 0.9, 1.0}) {
       const Errors coarse = collide({law, e, 1.0, 20, false, 1024}), fine = collide({law, e, 1.0, 80, false, 1024});
-      const double mean = std::log(coarse.mean / fine.mean) / std::log(4.0), spread = std::log(coarse.spread / fine.spread) / std::log(4.0);
-      report("%s e %.1f: mean error %.2e at 20 and %.2e at 80 steps a contact, order %.2f; spread %.2e and %.2e, order %.2f", name_of(law), e,
-             coarse.mean, fine.mean, mean, coarse.spread, fine.spread, spread);
+      const double mean = std::log(coarse.mean / fine.mean) / std::log(4.0),
+                   spread = std::log(coarse.spread / fine.spread) / std::log(4.0);
+      report(
+          "%s e %.1f: mean error %.2e at 20 and %.2e at 80 steps a contact, order %.2f; spread %.2e and %.2e, order "
+          "%.2f",
+          name_of(law), e, coarse.mean, fine.mean, mean, coarse.spread, fine.spread, spread);
       // single pairs of steps scatter around these orders, because the phase at the end of a contact depends on the one at its begin
-      if (e == 1.0) CHECK(spread > 2.0);
-      else CHECK(spread > 0.5);
+      if (e == 1.0)
+        CHECK(spread > 2.0);
+      else
+        CHECK(spread > 0.5);
       if (law == NormalLaw::linear && e < 1.0) CHECK(mean > 1.5);
     }
 }
 
-TEST_CASE("a collision gives the restitution of the scene for sizes from 1:1 to 1:20 and against a wall", "[restitution]") {
+TEST_CASE("a collision gives the restitution of the scene for sizes from 1:1 to 1:20 and against a wall",
+          "[restitution]") {
   for (const NormalLaw law : {NormalLaw::linear, NormalLaw::hertz})
     for (const double e : {0.1, 0.5, 0.9}) {
       double worst = 0.0, mean = 0.0;
@@ -133,7 +142,8 @@ TEST_CASE("a collision gives the restitution of the scene for sizes from 1:1 to 
         mean = std::max(mean, errors.mean);
       }
       const Errors wall = collide({law, e, 1.0, 50, true});
-      report("%s e %.1f: sizes 1:1 to 1:20: mean error %.1e, worst %.1e; wall %.1e, %.1e", name_of(law), e, mean, worst, wall.mean, wall.worst);
+      report("%s e %.1f: sizes 1:1 to 1:20: mean error %.1e, worst %.1e; wall %.1e, %.1e", name_of(law), e, mean, worst,
+             wall.mean, wall.worst);
       CHECK(worst < 0.02);
       CHECK(mean < 2e-3);
       CHECK(wall.worst < 0.02);
@@ -141,22 +151,26 @@ TEST_CASE("a collision gives the restitution of the scene for sizes from 1:1 to 
     }
 }
 
-TEST_CASE("a grain at rest on the ground overlaps it by its weight over the stiffness, and does not creep", "[restitution]") {
+TEST_CASE("a grain at rest on the ground overlaps it by its weight over the stiffness, and does not creep",
+          "[restitution]") {
   const double radius = 1e-3, mass = mass_of(density, radius), weight = mass * 9.81;
   for (const NormalLaw law : {NormalLaw::linear, NormalLaw::hertz})
     for (const double e : {0.1, 0.5, 0.9}) {
       const double e_star = 0.5 * young / (1.0 - poisson * poisson);
-      const double overlap = law == NormalLaw::linear ? weight / stiffness
-                                                      : std::pow(weight / (4.0 / 3.0 * e_star * std::sqrt(radius)), 2.0 / 3.0);
-      const double period = law == NormalLaw::linear ? pi * std::sqrt(mass / stiffness)
-                                                     : pi * std::sqrt(mass / (1.5 * weight / overlap));
+      const double overlap = law == NormalLaw::linear
+                                 ? weight / stiffness
+                                 : std::pow(weight / (4.0 / 3.0 * e_star * std::sqrt(radius)), 2.0 / 3.0);
+      const double period =
+          law == NormalLaw::linear ? pi * std::sqrt(mass / stiffness) : pi * std::sqrt(mass / (1.5 * weight / overlap));
       Scene scene = empty_scene({-0.01, -0.01, -0.01}, {0.01, 0.01, 0.01}, period / 50.0);
       scene.time.gravity = {0, 0, -9.81};
       scene.materials = {{"grain", density, young, poisson}};
       scene.contact.normal = law;
       PairLaw pair = pair_law("grain", "grain", e, 0.5);
-      if (law == NormalLaw::linear) pair.normal_stiffness = stiffness;
-      else scene.contact.tangential = TangentialLaw::mindlin;
+      if (law == NormalLaw::linear)
+        pair.normal_stiffness = stiffness;
+      else
+        scene.contact.tangential = TangentialLaw::mindlin;
       scene.contact.pairs.push_back(pair);
       add_plane(scene, "floor", "grain", {0, 0, 0}, {0, 0, 1});
       add_grain(scene, "grain", radius, {0, 0, radius - 0.5 * overlap});
@@ -166,9 +180,10 @@ TEST_CASE("a grain at rest on the ground overlaps it by its weight over the stif
       const double settled = state_of(run).position[0].z;
       for (int i = 0; i < n; ++i) run.step();
       const State end = state_of(run);
-      const double error = std::abs((radius - end.position[0].z) / overlap - 1.0), creep = std::abs(end.position[0].z - settled) / radius;
-      report("%s e %.1f at rest: overlap off by %.1e of itself, creep %.1e radii, speed %.1e m/s", name_of(law), e, error, creep,
-             length(end.velocity[0]));
+      const double error = std::abs((radius - end.position[0].z) / overlap - 1.0),
+                   creep = std::abs(end.position[0].z - settled) / radius;
+      report("%s e %.1f at rest: overlap off by %.1e of itself, creep %.1e radii, speed %.1e m/s", name_of(law), e,
+             error, creep, length(end.velocity[0]));
       CHECK(error < 1e-9);  // round-off of a coordinate over the overlap
       CHECK(creep < 1e-14);
       CHECK(length(end.velocity[0]) < 1e-12);

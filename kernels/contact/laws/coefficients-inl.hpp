@@ -33,7 +33,6 @@ struct Constants {
   Lanes mu;
   Lanes k_n, g_n;          // linear: k_n, gamma_n. Hertz: 4/3 E*, b / sqrt(a)
   Lanes k_t, g_t;          // linear: k_t, gamma_t. Mindlin: 8 G*, gamma_t / sqrt(a). Viscous: gamma_t with its half step
-  Lanes inverse_k_t;       // spring: 1/k_t
   Lanes four_masses;       // Hertz: 4/s
   Lanes root_radius;       // Hertz: sqrt(R*)
   Lanes displacement;      // power: delta_max, or 0
@@ -78,7 +77,6 @@ HWY_INLINE Constants make_constants(RowOf row, Lanes s, Lanes kappa, double dt) 
       c.g_t = row(Parameter::tangential_damping) * damping * sqrt(c.four_masses * c.k_t);
     }
   }
-  if constexpr (tangential == TangentialLaw::spring) c.inverse_k_t = one / c.k_t;
   if constexpr (tangential == TangentialLaw::viscous) {
     const Lanes g_t = row(Parameter::viscosity), s_t = has_rotation ? Lanes(3.5) * s : s;
     c.g_t = g_t / fma(g_t * s_t, Lanes(0.5 * dt), one);

@@ -56,13 +56,14 @@ struct TangentialForce {
   LaneMask slides;   // at Coulomb's limit
 };
 
-/// Scales f to Coulomb's limit mu F_n where it is beyond.
-HWY_INLINE LaneMask cap(const Constants& c, Lanes f_n, Lanes3& f) {
+/// Scales f to Coulomb's limit mu F_n where it is beyond; `scale` is by how much (1 elsewhere).
+HWY_INLINE LaneMask cap(const Constants& c, Lanes f_n, Lanes3& f, Lanes& scale) {
   const Lanes limit = c.mu * max(f_n, Lanes(0.0));
   const Lanes square = dot(f, f);
   const LaneMask beyond = square > limit * limit;
+  scale = Lanes(1.0);
   if (any(beyond)) {
-    const Lanes scale = select(beyond, limit / sqrt(square), Lanes(1.0));
+    scale = select(beyond, limit / sqrt(square), scale);
     f = scale * f;
   }
   return beyond;
@@ -74,19 +75,16 @@ HWY_INLINE Lanes3 advance_displacement(const Motion& m, Lanes3 h, double dt) {
   return fnma(dot(h, m.normal), m.normal, h);
 }
 
-/// Spring and dashpot under Coulomb's cap (Cundall & Strack 1979): F_t = -k_t h - gamma_t v_t; where it slides, h is what the
-/// spring holds at the limit.
-HWY_INLINE TangentialForce spring(const Constants& c, const Motion& m, Lanes f_n, Lanes3 h, double dt, Lanes k_t, Lanes g_t,
-                                  Lanes inverse_k_t) {
+/// Spring and dashpot under Coulomb's cap (Cundall & Strack 1979): F_t = -k_t h - gamma_t v_t; where it slides, both are scaled
+/// alike. (A spring that makes up for a dashpot beyond the cap, h = -(F_t + gamma_t v_t)/k_t, is wound backwards when the contact
+/// begins; as a Mindlin contact stiffens it then pushes along the motion.)
+HWY_INLINE TangentialForce spring(const Constants& c, const Motion& m, Lanes f_n, Lanes3 h, double dt, Lanes k_t, Lanes g_t) {
   TangentialForce t;
   t.h = advance_displacement(m, h, dt);
-  const Lanes3 dashpot = g_t * m.v_t;
-  t.force = fma(-k_t, t.h, Lanes3{-dashpot.x, -dashpot.y, -dashpot.z});
-  t.slides = cap(c, f_n, t.force);
-  if (any(t.slides)) {
-    const Lanes3 held = -inverse_k_t * (t.force + dashpot);
-    t.h = select(t.slides, held, t.h);
-  }
+  t.force = fma(-k_t, t.h, Lanes3{-(g_t * m.v_t.x), -(g_t * m.v_t.y), -(g_t * m.v_t.z)});
+  Lanes scale;
+  t.slides = cap(c, f_n, t.force, scale);
+  t.h = scale * t.h;
   return t;
 }
 
@@ -108,7 +106,9 @@ HWY_INLINE TangentialForce power(const Constants& c, const Motion& m, Lanes f_n,
   const Lanes pull = limit * fnma(rest, root, one) / (shorten * size);
   t.force = Lanes3{-(g_t * m.v_t.x), -(g_t * m.v_t.y), -(g_t * m.v_t.z)};
   t.force = fnma(pull, t.h, t.force);
-  t.slides = cap(c, f_n, t.force);
+  Lanes scale;
+  // past delta_max it slides, though without a dashpot only round-off tells its force from the limit
+  t.slides.m = hn::Or(cap(c, f_n, t.force, scale).m, (size > delta_max).m);
   // integral of the law from 0 to |h|
   t.energy = limit * delta_max * (x - Lanes(0.4) * fnma(rest * rest, root, one));
   return t;
@@ -144,7 +144,8 @@ HWY_INLINE ContactForce contact_force(const Constants& c, const Motion& m, Lanes
     f.energy = f.lost_tangential = f.lost_friction = zero;
   } else if constexpr (tangential == TangentialLaw::viscous) {
     f.tangential = {-(c.g_t * m.v_t.x), -(c.g_t * m.v_t.y), -(c.g_t * m.v_t.z)};
-    const LaneMask slides = cap(c, n.total, f.tangential);
+    Lanes scale;
+    const LaneMask slides = cap(c, n.total, f.tangential, scale);
     if constexpr (has_ledger) {
       const Lanes lost = -(Lanes(dt) * dot(f.tangential, m.v_t));
       f.energy = Lanes(0.0);
@@ -159,19 +160,18 @@ HWY_INLINE ContactForce contact_force(const Constants& c, const Motion& m, Lanes
     if constexpr (tangential == TangentialLaw::power)
       t = power(c, m, n.total, n.elastic, h, dt, k_t, g_t);
     else
-      t = spring(c, m, n.total, h, dt, k_t, g_t, scales ? Lanes(1.0) / k_t : c.inverse_k_t);
+      t = spring(c, m, n.total, h, dt, k_t, g_t);
     f.tangential = t.force;
     f.h = t.h;
     if constexpr (has_ledger) {
-      Lanes3 pull;  // mean of the spring's force before and after
+      Lanes3 pull = -Lanes(1.0) * t.force;  // that of the dashpot as it is, of the spring the mean before and after
       if constexpr (tangential == TangentialLaw::power) {
         f.energy = t.energy;
-        pull = -Lanes(1.0) * fma(g_t, m.v_t, t.force);
       } else {
         f.energy = Lanes(0.5) * k_t * dot(t.h, t.h);
-        pull = (Lanes(0.5) * k_t) * (h + t.h);
+        pull = fma(Lanes(0.5) * k_t, h - t.h, pull);
       }
-      const Lanes work = Lanes(dt) * dot(fma(g_t, m.v_t, pull), m.v_t);
+      const Lanes work = Lanes(dt) * dot(pull, m.v_t);
       const Lanes lost = work + (stored - f.energy);
       f.lost_friction = keep_if(t.slides, lost);
       f.lost_tangential = lost - f.lost_friction;

@@ -47,10 +47,13 @@ Stiffness hertz(TangentialLaw law, const PairParameters& p, double overlap, doub
   return k;
 }
 
-bool cap(double limit, Vec3& force) {
+/// Scales the force to the limit where it is beyond; `scale` is by how much.
+bool cap(double limit, Vec3& force, double& scale) {
   const double size = length(force);
+  scale = 1.0;
   if (!(size > limit)) return false;
-  force = (limit / size) * force;
+  scale = limit / size;
+  force = scale * force;
   return true;
 }
 
@@ -83,6 +86,7 @@ ReferenceForce reference_contact(NormalLaw normal, TangentialLaw tangential, boo
   h -= dot(h, n) * n;
   Vec3 f_t;
   bool slides = false;
+  double scale = 1.0;
   double work = 0.0;  // on the contact in the step
   switch (tangential) {
     case TangentialLaw::none:
@@ -91,16 +95,16 @@ ReferenceForce reference_contact(NormalLaw normal, TangentialLaw tangential, boo
     case TangentialLaw::viscous:
       h = {};
       f_t = -k.tangential_dashpot / (1.0 + 0.5 * dt * s_t * k.tangential_dashpot) * v_t;
-      slides = cap(limit, f_t);
+      slides = cap(limit, f_t, scale);
       work = -dt * dot(f_t, v_t);
       break;
     case TangentialLaw::spring:
     case TangentialLaw::mindlin:
       f_t = -(k.tangential * h + k.tangential_dashpot * v_t);
-      slides = cap(limit, f_t);
-      if (slides) h = -1.0 / k.tangential * (f_t + k.tangential_dashpot * v_t);
+      slides = cap(limit, f_t, scale);
+      h = scale * h;
       out.energy_tangential = 0.5 * k.tangential * squared_length(h);
-      work = dt * dot(0.5 * k.tangential * (c.displacement + h) + k.tangential_dashpot * v_t, v_t);
+      work = dt * dot(0.5 * k.tangential * (c.displacement - h) - f_t, v_t);
       break;
     case TangentialLaw::power: {
       const double pull = mu * std::max(k.normal_force, 0.0);
@@ -111,7 +115,7 @@ ReferenceForce reference_contact(NormalLaw normal, TangentialLaw tangential, boo
       const double x = delta_max > 0.0 ? std::min(size / delta_max, 1.0) : 1.0;
       f_t = -k.tangential_dashpot * v_t;
       if (size > 0.0 && delta_max > 0.0) f_t -= pull * (1.0 - std::pow(1.0 - x, 1.5)) / std::min(size, delta_max) * h;
-      slides = cap(limit, f_t);
+      slides = cap(limit, f_t, scale) || size > delta_max;
       work = -dt * dot(f_t, v_t);
       out.energy_tangential = pull * delta_max * (x - 0.4 * (1.0 - std::pow(1.0 - x, 2.5)));
       break;

@@ -1,0 +1,158 @@
+// Walls: a plane cut into triangles acts as one plane, and a mirror as the other half.
+#include <catch2/catch.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+#include "tests/physics/laboratory.hpp"
+
+using namespace moraine;
+using namespace moraine::physics;
+
+namespace {
+
+constexpr double radius = 1e-3;
+
+/// A turn about an oblique axis, so that no coordinate is special (Rodrigues).
+Vec3 turned(Vec3 v) {
+  const Vec3 axis = (1.0 / std::sqrt(5.25)) * Vec3{1.0, 2.0, 0.5};
+  const double c = std::cos(0.7), s = std::sin(0.7);
+  return c * v + s * cross(axis, v) + ((1.0 - c) * dot(axis, v)) * axis;
+}
+
+/// A square of side 2 `half` at z = 0, cut into 2 n^2 triangles whose diagonals alternate.
+TriangleMesh square_mesh(int n, double half) {
+  TriangleMesh mesh;
+  for (int j = 0; j <= n; ++j)
+    for (int i = 0; i <= n; ++i) mesh.vertices.push_back({half * (2.0 * i / n - 1.0), half * (2.0 * j / n - 1.0), 0.0});
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i) {
+      const std::int32_t a = j * (n + 1) + i, b = a + 1, c = a + n + 1, d = c + 1;
+      if ((i + j) % 2 == 0) {
+        mesh.triangles.push_back({a, b, d});
+        mesh.triangles.push_back({a, d, c});
+      } else {
+        mesh.triangles.push_back({a, b, c});
+        mesh.triangles.push_back({b, d, c});
+      }
+    }
+  return mesh;
+}
+
+/// Grains that bounce, slide and roll over a floor; the floor is a plane (n = 0) or 2 n^2 triangles.
+Scene floor_scene(NormalLaw normal, TangentialLaw tangential, int n, bool is_turned) {
+  Scene scene = empty_scene({-0.15, -0.15, -0.15}, {0.15, 0.15, 0.15}, 2e-6);
+  scene.time.gravity = {0, 0, -9.81};
+  scene.materials = {{"grain", 2500, 1e8, 0.25}};
+  scene.contact.normal = normal;
+  scene.contact.tangential = tangential;
+  PairLaw law = pair_law("grain", "grain", 0.7, 0.3);
+  if (normal == NormalLaw::linear) law.normal_stiffness = 1e4;
+  scene.contact.pairs = {law};
+  WallDefinition floor;
+  floor.name = "floor";
+  floor.material = "grain";
+  if (n == 0)
+    floor.shape = PlaneShape{{0, 0, 0}, {0, 0, 1}};
+  else
+    floor.shape = MeshShape{"", square_mesh(n, 0.095)};
+  scene.walls.push_back(floor);
+  add_grain(scene, "grain", radius, {-0.031, 0.002, 3e-3}, {0.7, 0.31, -0.2}, {40, -20, 70});     // bounces
+  add_grain(scene, "grain", radius, {0.01, -0.03, 0.999e-3}, {0.2, 0.4, 0.0});                    // slides, then rolls
+  add_grain(scene, "grain", radius, {0.0, 0.03, 0.9995e-3}, {-0.3, 0.1, 0.0}, {-100, -300, 20});  // rolls
+  add_grain(scene, "grain", radius, {0.05, 0.05, 0.9995e-3});                                     // rests
+  if (!is_turned) return scene;
+  scene.time.gravity = turned(scene.time.gravity);
+  for (GrainSeed& grain : std::get<ListedGrains>(scene.particles[0].fill).grains)
+    for (Vec3* v : {&grain.position, &grain.velocity, &grain.angular_velocity}) *v = turned(*v);
+  if (n == 0)
+    std::get<PlaneShape>(scene.walls[0].shape).normal = turned({0, 0, 1});
+  else
+    for (Vec3& vertex : std::get<MeshShape>(scene.walls[0].shape).mesh.vertices) vertex = turned(vertex);
+  return scene;
+}
+
+/// Two grains that meet obliquely on both sides of the plane x = 0, or one and a mirror there.
+Scene mirror_scene(NormalLaw normal, TangentialLaw tangential, bool is_half) {
+  Scene scene = empty_scene({is_half ? 0.0 : -0.02, -0.02, -0.02}, {0.02, 0.02, 0.02}, 1e-6);
+  scene.materials = {{"grain", 2500, 1e8, 0.25}};
+  scene.contact.normal = normal;
+  scene.contact.tangential = tangential;
+  PairLaw law = pair_law("grain", "grain", 0.6, 0.5);
+  if (normal == NormalLaw::linear) law.normal_stiffness = 1e4;
+  scene.contact.pairs = {law};
+  scene.output.energy = true;
+  add_grain(scene, "grain", radius, {1.3e-3, 0, 0}, {-0.8, 0.3, -0.2}, {0, 30, -40});
+  if (is_half) {
+    WallDefinition mirror;
+    mirror.name = "mirror";
+    mirror.shape = PlaneShape{{0, 0, 0}, {1, 0, 0}};
+    mirror.symmetry = true;
+    scene.walls.push_back(mirror);
+  } else {
+    // a mirror image turns about the normal as the grain does, and about the other axes against it
+    add_grain(scene, "grain", radius, {-1.3e-3, 0, 0}, {0.8, 0.3, -0.2}, {0, -30, 40});
+  }
+  return scene;
+}
+
+}  // namespace
+
+TEST_CASE("a plane of 2, 200 or 20000 triangles moves a bouncing, sliding, rolling grain like a plane", "[walls]") {
+  struct Choice {
+    NormalLaw normal;
+    TangentialLaw tangential;
+  };
+  for (const Choice& laws :
+       {Choice{NormalLaw::linear, TangentialLaw::spring}, Choice{NormalLaw::hertz, TangentialLaw::mindlin},
+        Choice{NormalLaw::linear, TangentialLaw::power}}) {
+    for (const bool is_turned : {false, true}) {
+      Simulation plane(floor_scene(laws.normal, laws.tangential, 0, is_turned), 1);
+      constexpr int n_steps = 40000;
+      for (int i = 0; i < n_steps; ++i) plane.step();
+      const State exact = state_of(plane);
+      for (const int n : {1, 10, 100}) {
+        Simulation mesh(floor_scene(laws.normal, laws.tangential, n, is_turned), 1);
+        for (int i = 0; i < n_steps; ++i) mesh.step();
+        const State found = state_of(mesh);
+        double position = 0.0, velocity = 0.0, spin = 0.0;
+        for (std::size_t i = 0; i < exact.position.size(); ++i) {
+          position = std::max(position, length(found.position[i] - exact.position[i]) / 0.03);
+          velocity = std::max(velocity, length(found.velocity[i] - exact.velocity[i]) / 0.5);
+          spin = std::max(spin, length(found.spin[i] - exact.spin[i]) / 500.0);
+        }
+        report("%s%s: %5d triangles against a plane: positions %.1e, velocities %.1e, spins %.1e (relative)",
+               laws.normal == NormalLaw::hertz           ? "Hertz-Mindlin"
+               : laws.tangential == TangentialLaw::power ? "linear, power"
+                                                         : "linear, spring",
+               is_turned ? ", turned" : "", 2 * n * n, position, velocity, spin);
+        CHECK(position < 1e-10);
+        // turned vertices are rounded, and every impact of a stiff grain amplifies that
+        CHECK(velocity < (is_turned ? 2e-9 : 1e-10));
+        CHECK(spin < (is_turned ? 2e-9 : 1e-10));
+      }
+    }
+  }
+}
+
+TEST_CASE("half of a symmetric collision with a mirror is the whole one", "[walls]") {
+  for (const NormalLaw normal : {NormalLaw::linear, NormalLaw::hertz}) {
+    const TangentialLaw tangential = normal == NormalLaw::linear ? TangentialLaw::spring : TangentialLaw::mindlin;
+    Simulation full(mirror_scene(normal, tangential, false), 1), half(mirror_scene(normal, tangential, true), 1);
+    double worst = 0.0, energy = 0.0;
+    for (int i = 0; i < 3000; ++i) {
+      full.step();
+      half.step();
+      if (i % 50 != 0) continue;
+      const State f = state_of(full), h = state_of(half);
+      worst = std::max({worst, length(f.position[0] - h.position[0]) / radius,
+                        length(f.velocity[0] - h.velocity[0]) / 0.8, length(f.spin[0] - h.spin[0]) / 50.0});
+      energy = std::max(energy, std::abs(0.5 * full.energy().total() - half.energy().total()) / half.energy().initial);
+    }
+    CHECK(state_of(half).velocity[0].x > 0.1);  // it has bounced
+    report("%s: a grain and its mirror against two grains: largest difference %.1e, of the energy %.1e",
+           normal == NormalLaw::linear ? "linear" : "Hertz", worst, energy);
+    CHECK(worst < 1e-12);
+    CHECK(energy < 1e-12);
+  }
+}
