@@ -22,7 +22,6 @@ enum class Size { k1, k20, k200 };
 inline constexpr std::array<Size, 3> sizes = {Size::k1, Size::k20, Size::k200};
 std::string name_of(Size size);
 std::string name_of(NormalLaw normal, TangentialLaw tangential);
-constexpr bool has_history(TangentialLaw law) { return law != TangentialLaw::none && law != TangentialLaw::viscous; }
 
 /// The scene of a deck of bench/peers ("bed.toml"), its bed cut or repeated along x to the size.
 Scene bed_scene(const std::string& deck, Size size);

@@ -120,7 +120,8 @@ void Cells::sort(const Particles& particles, const Box& domain, const std::array
     for (std::int64_t i = share.begin; i < share.end; ++i) {
       const std::int32_t c = cell[static_cast<std::size_t>(i)];
       if (c < 0) continue;
-      in_layer[static_cast<std::size_t>(place[static_cast<std::size_t>(c) / layer_size]++)] = static_cast<std::int32_t>(i);
+      in_layer[static_cast<std::size_t>(place[static_cast<std::size_t>(c) / layer_size]++)] =
+          static_cast<std::int32_t>(i);
     }
     barrier();
     std::vector<std::int32_t> next(layer_size);
@@ -129,7 +130,8 @@ void Cells::sort(const Particles& particles, const Box& domain, const std::array
       const std::size_t first_cell = layer * layer_size;
       std::fill(next.begin(), next.end(), 0);
       for (std::int32_t k = layer_begin[layer]; k < layer_begin[layer + 1]; ++k)
-        ++next[static_cast<std::size_t>(cell[static_cast<std::size_t>(in_layer[static_cast<std::size_t>(k)])]) - first_cell];
+        ++next[static_cast<std::size_t>(cell[static_cast<std::size_t>(in_layer[static_cast<std::size_t>(k)])]) -
+               first_cell];
       std::int32_t begin = layer_begin[layer];
       for (std::size_t c = 0; c < layer_size; ++c) {
         cell_begin_[first_cell + c] = begin;

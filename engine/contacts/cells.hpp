@@ -38,7 +38,8 @@ class Cells {
  public:
   /// Lays the cells out for grains whose centres may come nearer than `reach` [m], and finds the sorted order of the grains
   /// (those that have left are left out).
-  void sort(const Particles& particles, const Box& domain, const std::array<bool, 3>& periodic, double reach, int n_threads);
+  void sort(const Particles& particles, const Box& domain, const std::array<bool, 3>& periodic, double reach,
+            int n_threads);
 
   /// order()[i] is the present place of the grain that comes to place i.
   const std::vector<std::int32_t>& order() const { return order_; }
@@ -67,8 +68,8 @@ class Cells {
   std::array<int, 3> cell_of(Vec3 p) const;
   std::array<int, 3> axes_{0, 1, 2};  // which axis is slow, middle, fast
   std::array<int, 3> counts_{1, 1, 1};
-  std::array<bool, 3> wraps_{};       // by role
-  std::array<bool, 3> periodic_{};    // by axis
+  std::array<bool, 3> wraps_{};     // by role
+  std::array<bool, 3> periodic_{};  // by axis
   double reach_ = 0.0;
   Vec3 low_;
   Vec3 inverse_width_;

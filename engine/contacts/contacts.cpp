@@ -37,9 +37,9 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
       max_overlap_(scene.run.max_overlap),
       walls_(&walls),
       image_shift_(image_shifts(domain_.size())),
-      wall_contacts_(walls, scene.contact.tangential != TangentialLaw::none && scene.contact.tangential != TangentialLaw::viscous,
+      wall_contacts_(walls, moraine::has_history(scene.contact.tangential),
                      slot_size(choice_.has_rotation, choice_.has_ledger)) {
-  needs_.has_history = choice_.tangential != TangentialLaw::none && choice_.tangential != TangentialLaw::viscous;
+  needs_.has_history = moraine::has_history(choice_.tangential);
   needs_.has_images = periodic_[0] || periodic_[1] || periodic_[2];
   needs_.has_species = laws_.n_pair_species > 1;
   needs_.slot_size = slot_size(choice_.has_rotation, choice_.has_ledger);
@@ -53,7 +53,8 @@ void Contacts::rebuild(Particles& particles, double skin, double time, int n_thr
   build(particles, pairs, wall_contacts_.carry(), skin, time, n_threads);
 }
 
-void Contacts::restore(Particles& particles, PairCarry pairs, WallCarry walls, double skin, double time, int n_threads) {
+void Contacts::restore(Particles& particles, PairCarry pairs, WallCarry walls, double skin, double time,
+                       int n_threads) {
   build(particles, pairs, walls, skin, time, n_threads);
 }
 
@@ -73,7 +74,8 @@ struct Contacts::ThreadStep {
 void Contacts::advance(Particles& particles, const Kick& kick, double dt, int n_threads, StepResult& result) {
   const int n_active = std::min(n_threads, static_cast<int>(pairs_.threads().size()));
   std::vector<ThreadStep> steps(static_cast<std::size_t>(n_active));
-  parallel(n_active, [&](int thread) { advance_thread(particles, kick, dt, thread, steps[static_cast<std::size_t>(thread)]); });
+  parallel(n_active,
+           [&](int thread) { advance_thread(particles, kick, dt, thread, steps[static_cast<std::size_t>(thread)]); });
   result = StepResult{};
   for (const ThreadStep& step : steps) {
     result.n_touching += step.result.n_touching;
@@ -124,7 +126,8 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   const auto touch_walls = [&](Range candidates) {
     sums.n_wall = 0;
     if (candidates.empty()) return;
-    const std::int64_t n = wall_contacts_.touch(particles, thread, candidates, laws_.wall_species.data(), laws_.n_walls, sums.dissipated);
+    const std::int64_t n =
+        wall_contacts_.touch(particles, thread, candidates, laws_.wall_species.data(), laws_.n_walls, sums.dissipated);
     const WallTouches& touches = wall_contacts_.touches(thread);
     note(kernels_.walls({particles.records(), touches, &laws_.walls, dt, max_overlap_}, {0, n}));
     wall_contacts_.remember(thread, candidates);
@@ -154,7 +157,8 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
       k = end;
     }
     if (tile.pair_end > tile.kept_begin)
-      note(kernels_.pairs(sweep, {tile.kept_begin, tile.pair_end}, pairs_.kept_slots() + std::int64_t{tile.kept_slot} * slot));
+      note(kernels_.pairs(sweep, {tile.kept_begin, tile.pair_end},
+                          pairs_.kept_slots() + std::int64_t{tile.kept_slot} * slot));
     touch_walls(wall_contacts_.tile(thread, t));
     if (tile.plain_begin < 0)
       advance_grains(nullptr, {tile.grain_begin, tile.grain_end});
@@ -168,7 +172,9 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
 }
 
 Contacts::Velocities Contacts::velocities_now(Particles& particles, const Kick& half_kick, double dt, int n_threads) {
-  const auto copy_of = [](const double* values, std::size_t n) { return std::vector<double>(values, values ? values + n : values); };
+  const auto copy_of = [](const double* values, std::size_t n) {
+    return std::vector<double>(values, values ? values + n : values);
+  };
   const auto n = static_cast<std::size_t>(particles.size());
   const std::vector<double> records = copy_of(particles.records(), n * static_cast<std::size_t>(particles.stride()));
   const std::vector<double> dissipated = copy_of(particles.dissipated(), 4 * n);
@@ -185,7 +191,9 @@ Contacts::Velocities Contacts::velocities_now(Particles& particles, const Kick& 
     if (choice_.has_rotation) now.angular.push_back(particles.angular_velocity(i));
   }
 
-  const auto put_back = [](const std::vector<double>& values, double* to) { std::copy(values.begin(), values.end(), to); };
+  const auto put_back = [](const std::vector<double>& values, double* to) {
+    std::copy(values.begin(), values.end(), to);
+  };
   put_back(records, particles.records());
   if (particles.dissipated()) put_back(dissipated, particles.dissipated());
   if (particles.force()) put_back(force, particles.force());
@@ -204,8 +212,8 @@ ReferenceContact Contacts::pair_contact(const Particles& particles, std::int32_t
   if (!(contact.overlap > 0.0)) return contact;
   contact.normal = separation / distance;
   const auto body = [&](std::int32_t i) {
-    return ContactBody{particles.velocity(i), particles.angular_velocity(i), particles.inverse_mass(i), 1.0 / particles.radius(i),
-                       particles.radius(i) - 0.5 * contact.overlap};
+    return ContactBody{particles.velocity(i), particles.angular_velocity(i), particles.inverse_mass(i),
+                       1.0 / particles.radius(i), particles.radius(i) - 0.5 * contact.overlap};
   };
   contact.a = body(a);
   contact.b = body(b);
@@ -220,8 +228,8 @@ ReferenceContact Contacts::wall_contact(const Particles& particles, const WallCo
   ReferenceContact contact;
   contact.overlap = mirror * (particles.radius(touch.grain) - touch.touch.distance);
   contact.normal = touch.touch.normal;
-  contact.a = {particles.velocity(touch.grain), particles.angular_velocity(touch.grain), particles.inverse_mass(touch.grain),
-               1.0 / particles.radius(touch.grain), touch.touch.distance};
+  contact.a = {particles.velocity(touch.grain), particles.angular_velocity(touch.grain),
+               particles.inverse_mass(touch.grain), 1.0 / particles.radius(touch.grain), touch.touch.distance};
   contact.b.velocity = touch.wall_velocity;
   contact.displacement = {touch.memory.displacement[0], touch.memory.displacement[1], touch.memory.displacement[2]};
   contact.stored = touch.memory.energy;

@@ -21,34 +21,34 @@ namespace moraine {
 
 /// What one step found, for those who decide about the next.
 struct StepResult {
-  std::int64_t n_touching = 0;      // pairs and wall touches
+  std::int64_t n_touching = 0;  // pairs and wall touches
   bool has_large_overlap = false;
   bool is_any_not_finite = false;
-  double max_speed = 0.0;           // [m/s] upper bound
+  double max_speed = 0.0;             // [m/s] upper bound
   std::vector<std::int32_t> outside;  // grains whose centre is outside the domain, ascending
 };
 
 /// What the grains of a scene have in common.
 struct GrainKind {
-  bool is_uniform = true;        // one radius, one mass, one material
-  double inverse_mass = 0.0;     // [1/kg] of all, where uniform
+  bool is_uniform = true;             // one radius, one mass, one material
+  double inverse_mass = 0.0;          // [1/kg] of all, where uniform
   double smallest_radius = infinity;  // [m]
-  double largest_radius = 0.0;   // [m]
+  double largest_radius = 0.0;        // [m]
 };
 
 /// A contact with all that the reference law makes of it, for the ledger, probes and messages.
 struct ContactReport {
   std::int32_t grain = 0;
-  std::int32_t other = -1;       // the other grain, or -1
-  std::int32_t surface = -1;     // the surface, or -1
-  bool is_mirror = false;        // the surface is a mirror
-  double overlap = 0.0;          // [m]
-  double smaller_radius = 0.0;   // [m]
-  Vec3 point;                    // [m] where they touch (at `grain`'s side of periodic faces)
-  Vec3 normal;                   // from the other to `grain`
-  Vec3 other_point;              // [m] centre of the other grain
-  double stored = 0.0;           // [J] in the tangential spring before the step
-  ReferenceForce result;         // on `grain` as a
+  std::int32_t other = -1;      // the other grain, or -1
+  std::int32_t surface = -1;    // the surface, or -1
+  bool is_mirror = false;       // the surface is a mirror
+  double overlap = 0.0;         // [m]
+  double smaller_radius = 0.0;  // [m]
+  Vec3 point;                   // [m] where they touch (at `grain`'s side of periodic faces)
+  Vec3 normal;                  // from the other to `grain`
+  Vec3 other_point;             // [m] centre of the other grain
+  double stored = 0.0;          // [J] in the tangential spring before the step
+  ReferenceForce result;        // on `grain` as a
 };
 
 class Contacts {
@@ -92,9 +92,10 @@ class Contacts {
   template <typename Function>
   void for_each_memory(const Particles& particles, Function f) const {
     if (!needs_.has_history) return;
-    pairs_.for_each(particles.dummy(), [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
-      if (memory && memory->is_used()) f(a, b, image, *memory);
-    });
+    pairs_.for_each(particles.dummy(),
+                    [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
+                      if (memory && memory->is_used()) f(a, b, image, *memory);
+                    });
   }
   WallCarry wall_carry() const { return wall_contacts_.carry(); }
   bool has_history() const { return needs_.has_history; }
@@ -106,7 +107,8 @@ class Contacts {
   const SceneLaws& laws() const { return laws_; }
 
  private:
-  void build(Particles& particles, const PairCarry& pairs, const WallCarry& walls, double skin, double time, int n_threads);
+  void build(Particles& particles, const PairCarry& pairs, const WallCarry& walls, double skin, double time,
+             int n_threads);
   struct ThreadStep;
   void advance_thread(Particles& particles, const Kick& kick, double dt, int thread, ThreadStep& step);
   ReferenceContact pair_contact(const Particles& particles, std::int32_t a, std::int32_t b, std::uint8_t image,
@@ -136,7 +138,8 @@ void Contacts::for_each_pair_contact(const Particles& particles, double dt, Func
     const ReferenceContact contact = pair_contact(particles, a, b, image, memory);
     if (!(contact.overlap > 0.0)) return;
     const std::size_t species = needs_.has_species
-                                    ? laws_.pair_species[static_cast<std::size_t>(particles.material(a) * laws_.n_materials + particles.material(b))]
+                                    ? laws_.pair_species[static_cast<std::size_t>(
+                                          particles.material(a) * laws_.n_materials + particles.material(b))]
                                     : 0;
     ContactReport report;
     report.grain = a;
@@ -147,7 +150,8 @@ void Contacts::for_each_pair_contact(const Particles& particles, double dt, Func
     report.point = particles.position(a) - contact.a.arm * contact.normal;
     report.other_point = particles.position(b);
     report.stored = contact.stored;
-    report.result = reference_contact(choice_.normal, choice_.tangential, choice_.has_rotation, laws_.pairs.at(species), contact, dt);
+    report.result = reference_contact(choice_.normal, choice_.tangential, choice_.has_rotation, laws_.pairs.at(species),
+                                      contact, dt);
     f(report);
   });
 }
@@ -170,8 +174,8 @@ void Contacts::for_each_wall_contact(const Particles& particles, double dt, Func
     report.point = particles.position(touch.grain) - touch.touch.distance * touch.touch.normal;
     report.other_point = report.point;
     report.stored = contact.stored;
-    report.result = reference_contact(choice_.normal, choice_.tangential, choice_.has_rotation, laws_.walls.at(species), contact,
-                                      dt, mirror);
+    report.result = reference_contact(choice_.normal, choice_.tangential, choice_.has_rotation, laws_.walls.at(species),
+                                      contact, dt, mirror);
     f(report);
   });
 }

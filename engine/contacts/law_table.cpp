@@ -32,14 +32,16 @@ PairParameters pair_parameters(const Scene& scene, const std::string& a, const s
   const PairLaw* const law = scene.pair_law(a, b);
   const int ia = scene.material_index(a), ib = scene.material_index(b);
   if (!law || ia < 0 || ib < 0)
-    throw SceneError({{"contact.pair", "no contact parameters for the materials \"" + a + "\" and \"" + b + "\"", false}});
+    throw SceneError(
+        {{"contact.pair", "no contact parameters for the materials \"" + a + "\" and \"" + b + "\"", false}});
   const Material& ma = scene.materials[static_cast<std::size_t>(ia)];
   const Material& mb = scene.materials[static_cast<std::size_t>(ib)];
   const bool is_linear = scene.contact.normal == NormalLaw::linear;
   PairParameters p;
   p[Parameter::normal_stiffness] = law->normal_stiffness;
   if (ma.young > 0.0 && mb.young > 0.0) {
-    p[Parameter::young] = 1.0 / ((1.0 - ma.poisson * ma.poisson) / ma.young + (1.0 - mb.poisson * mb.poisson) / mb.young);
+    p[Parameter::young] =
+        1.0 / ((1.0 - ma.poisson * ma.poisson) / ma.young + (1.0 - mb.poisson * mb.poisson) / mb.young);
     p[Parameter::shear] = 1.0 / ((2.0 - ma.poisson) / shear_modulus(ma) + (2.0 - mb.poisson) / shear_modulus(mb));
   }
   p[Parameter::damping] = damping_of(law->restitution);
@@ -72,7 +74,8 @@ SceneLaws::SceneLaws(const Scene& scene)
     for (std::size_t w = 0; w < scene.walls.size(); ++w) {
       const WallDefinition& wall = scene.walls[w];
       // A mirror shows the grain itself: the law of the grain with its own kind, and nothing to slide along.
-      PairParameters p = pair_parameters(scene, scene.materials[i].name, wall.symmetry ? scene.materials[i].name : wall.material);
+      PairParameters p =
+          pair_parameters(scene, scene.materials[i].name, wall.symmetry ? scene.materials[i].name : wall.material);
       if (wall.symmetry || wall.frictionless) {
         p[Parameter::friction] = 0.0;
         p[Parameter::viscosity] = 0.0;

@@ -29,7 +29,8 @@ std::vector<std::uint8_t> near_own_images(const Cells& cells, std::span<const Ve
   for (std::uint8_t code = 1; code < image_shift.size(); ++code) {
     const auto [x, y, z] = image::steps(code);
     const bool is_neighbour = std::max({std::abs(x), std::abs(y), std::abs(z)}) == 1;
-    if (is_neighbour && image::is_positive(code) && cells.has_image(code) && length(image_shift[code]) < cells.reach()) codes.push_back(code);
+    if (is_neighbour && image::is_positive(code) && cells.has_image(code) && length(image_shift[code]) < cells.reach())
+      codes.push_back(code);
   }
   return codes;
 }
@@ -48,7 +49,8 @@ PairMemory PairCarry::find(std::int32_t first, std::int32_t second, std::uint8_t
 }
 
 void PairList::build(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin,
-                     const PairNeeds& needs, std::span<const std::int32_t> was_at, const PairCarry& carry, int n_threads) {
+                     const PairNeeds& needs, std::span<const std::int32_t> was_at, const PairCarry& carry,
+                     int n_threads) {
   const std::int32_t n = particles.size();
   const int n_active = std::max(1, std::min(n_threads, n / min_grains_per_thread));
   search(particles, cells, needs.has_images ? image_shift : std::span<const Vec3>{}, skin, n_active);
@@ -75,7 +77,8 @@ void PairList::search(const Particles& particles, const Cells& cells, std::span<
   const std::size_t row = at(n) + 8;
   AlignedArray<double> coordinates;
   coordinates.resize_discarding(4 * row);
-  const Spheres spheres{coordinates.data(), coordinates.data() + row, coordinates.data() + 2 * row, coordinates.data() + 3 * row};
+  const Spheres spheres{coordinates.data(), coordinates.data() + row, coordinates.data() + 2 * row,
+                        coordinates.data() + 3 * row};
   const PairFilter filter = pair_filter();
   const std::vector<std::uint8_t> own_images = near_own_images(cells, image_shift);
   raw_.resize(at(n_threads));
@@ -144,7 +147,8 @@ template <typename Function>
 void PairList::for_each_raw(std::int32_t begin, std::int32_t end, Function f) const {
   for (const RawChunk& chunk : raw_)
     for (std::int32_t i = std::max(begin, chunk.grain_begin); i < std::min(end, chunk.grain_end); ++i)
-      for (std::uint32_t k = chunk.offsets[at(i - chunk.grain_begin)]; k < chunk.offsets[at(i - chunk.grain_begin) + 1]; ++k)
+      for (std::uint32_t k = chunk.offsets[at(i - chunk.grain_begin)]; k < chunk.offsets[at(i - chunk.grain_begin) + 1];
+           ++k)
         f(i, chunk.j[k], chunk.image.empty() ? std::uint8_t{0} : chunk.image[k]);
 }
 
@@ -200,7 +204,10 @@ void PairList::lay_out(const Particles& particles, const PairNeeds& needs, std::
   };
 
   // How many grains lie in a slow layer bounds how far ahead in memory a pair reaches, but for images of the slow axis.
-  struct Kept { std::int32_t i, j; std::uint8_t image; };
+  struct Kept {
+    std::int32_t i, j;
+    std::uint8_t image;
+  };
   std::vector<Kept> kept;
   std::vector<std::int64_t> last_ring_use;  // by tile: first pair of the earliest tile whose ring slots it needs
   for (std::int32_t begin = mine.grain_begin; begin < mine.grain_end; begin += tile_size) {
@@ -223,7 +230,8 @@ void PairList::lay_out(const Particles& particles, const PairNeeds& needs, std::
       const std::size_t p = at(k);
       put(pair.i, pair.j, pair.image);
       if (pair.j >= mine.grain_end)
-        cross_[at(thread)].push_back({pair.j, pair.i, tile.kept_slot + static_cast<std::uint32_t>(k - 1 - tile.kept_begin),
+        cross_[at(thread)].push_back({pair.j, pair.i,
+                                      tile.kept_slot + static_cast<std::uint32_t>(k - 1 - tile.kept_begin),
                                       needs.has_images ? mine.image[p] : std::uint8_t{0}, mine.b[p] == pair.j});
     }
     fill_group();
@@ -231,7 +239,8 @@ void PairList::lay_out(const Particles& particles, const PairNeeds& needs, std::
     n_kept += static_cast<std::uint32_t>(k - tile.kept_begin);
 
     bool is_any_deferred = false;
-    for (std::int32_t i = tile.grain_begin; i < tile.grain_end; ++i) is_any_deferred = is_any_deferred || is_deferred_[at(i)];
+    for (std::int32_t i = tile.grain_begin; i < tile.grain_end; ++i)
+      is_any_deferred = is_any_deferred || is_deferred_[at(i)];
     if (is_any_deferred) {
       tile.plain_begin = static_cast<std::int64_t>(mine.plain.size());
       for (std::int32_t i = tile.grain_begin; i < tile.grain_end; ++i)
@@ -256,7 +265,8 @@ void PairList::index_entries(const Particles& particles, const PairNeeds& needs,
         const std::int32_t a = mine.a[p], b = mine.b[p];
         if (a == dummy) continue;
         const bool is_kept = k >= tile.kept_begin;
-        const auto slot = is_kept ? tile.kept_slot + static_cast<std::uint32_t>(k - tile.kept_begin) : static_cast<std::uint32_t>(k);
+        const auto slot =
+            is_kept ? tile.kept_slot + static_cast<std::uint32_t>(k - tile.kept_begin) : static_cast<std::uint32_t>(k);
         const std::uint8_t code = needs.has_images ? mine.image[p] : std::uint8_t{0};
         if (a < end) f(a, b, make_entry(slot, is_kept, false), code);
         if (b < end) f(b, a, make_entry(slot, is_kept, true), code);
@@ -292,8 +302,9 @@ void PairList::index_entries(const Particles& particles, const PairNeeds& needs,
     const std::size_t size = offsets[i - first + 1] - begin;
     if (row.size() < size) row.resize(size);
     for (std::size_t q = 0; q < size; ++q) {  // insertion sort: rows are short
-      const std::pair<Key, Entry> item{{particles.gid(others[begin + q]), needs.has_images ? codes[begin + q] : std::uint8_t{0}},
-                                       mine.entries[begin + q]};
+      const std::pair<Key, Entry> item{
+          {particles.gid(others[begin + q]), needs.has_images ? codes[begin + q] : std::uint8_t{0}},
+          mine.entries[begin + q]};
       const auto is_before = [](const auto& x, const auto& y) {
         if (x.first.gid != y.first.gid) return x.first.gid < y.first.gid;
         if (x.first.image != y.first.image) return x.first.image < y.first.image;
@@ -341,7 +352,8 @@ PairCarry PairList::carry(std::int32_t n_grains, bool has_energy, int n_threads)
   each_thread([&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
     if (!memory->is_used()) return;
     const std::uint32_t k = next[at(std::min(a, b))]++;
-    carry.items[k] = {{memory->displacement[0], memory->displacement[1], memory->displacement[2]}, std::max(a, b), image};
+    carry.items[k] = {
+        {memory->displacement[0], memory->displacement[1], memory->displacement[2]}, std::max(a, b), image};
     if (has_energy) carry.energy[k] = memory->energy;
   });
   return carry;
@@ -365,8 +377,8 @@ std::size_t PairList::memory() const {
   std::size_t bytes = kept_.capacity_bytes() + is_deferred_.capacity();
   for (const ThreadPairs& t : threads_)
     bytes += t.a.capacity_bytes() + t.b.capacity_bytes() + t.image.capacity_bytes() + t.species.capacity_bytes() +
-             t.history.capacity_bytes() + t.offsets.capacity_bytes() + t.entries.capacity_bytes() + t.ring.capacity_bytes() +
-             (t.plain.capacity() + t.deferred.capacity()) * sizeof(std::int32_t);
+             t.history.capacity_bytes() + t.offsets.capacity_bytes() + t.entries.capacity_bytes() +
+             t.ring.capacity_bytes() + (t.plain.capacity() + t.deferred.capacity()) * sizeof(std::int32_t);
   return bytes;
 }
 
@@ -387,7 +399,8 @@ void PairList::for_each_of(std::int32_t i, Function f) {
                                              [](std::uint32_t s, const Tile& x) { return s < x.kept_slot; });
           if (tile != owner.tiles.begin()) {
             const Tile& found = *(tile - 1);
-            if (slot < found.kept_slot + (found.pair_end - found.kept_begin)) k = found.kept_begin + (slot - found.kept_slot);
+            if (slot < found.kept_slot + (found.pair_end - found.kept_begin))
+              k = found.kept_begin + (slot - found.kept_slot);
           }
         }
         if (k >= 0) f(owner, k, (entry & entry_is_b) != 0);

@@ -32,7 +32,7 @@ struct Tile {
   std::int64_t ring_begin = 0;  // pairs of the tile: first those whose slots go to the ring ...
   std::int64_t kept_begin = 0;  // ... then those whose slots are kept
   std::int64_t pair_end = 0;
-  std::uint32_t kept_slot = 0;  // slot of the pair at kept_begin
+  std::uint32_t kept_slot = 0;                    // slot of the pair at kept_begin
   std::int64_t plain_begin = -1, plain_end = -1;  // grains that are not deferred, in ThreadPairs::plain; -1: all are
 };
 
@@ -40,29 +40,29 @@ struct Tile {
 struct ThreadPairs {
   std::int32_t grain_begin = 0, grain_end = 0;
   std::vector<Tile> tiles;
-  AlignedArray<std::int32_t> a, b;          // lower and higher gid
-  AlignedArray<std::uint8_t> image;         // only with periodic directions
-  AlignedArray<std::uint8_t> species;       // only where not uniform
-  AlignedArray<double> history;             // four doubles a pair; only for laws with history
-  AlignedArray<std::uint32_t> offsets;      // entries of each of the thread's grains
+  AlignedArray<std::int32_t> a, b;      // lower and higher gid
+  AlignedArray<std::uint8_t> image;     // only with periodic directions
+  AlignedArray<std::uint8_t> species;   // only where not uniform
+  AlignedArray<double> history;         // four doubles a pair; only for laws with history
+  AlignedArray<std::uint32_t> offsets;  // entries of each of the thread's grains
   AlignedArray<Entry> entries;
   AlignedArray<double> ring;
   std::uint32_t ring_mask = 0;
-  std::vector<std::int32_t> plain;          // where tiles have deferred grains
+  std::vector<std::int32_t> plain;  // where tiles have deferred grains
   std::vector<std::int32_t> deferred;
-  std::int64_t n_pairs = 0;                 // without the dummies that fill groups up
+  std::int64_t n_pairs = 0;  // without the dummies that fill groups up
 };
 
 /// What pairs remember across a rebuild: for each grain, by its place before the rebuild, the touching pairs that it owned.
 struct PairCarry {
   struct Item {
-    double displacement[3];   // as in PairMemory
-    std::int32_t other = 0;   // place before the rebuild
-    std::uint8_t image = 0;   // as stored: from the lower gid
+    double displacement[3];  // as in PairMemory
+    std::int32_t other = 0;  // place before the rebuild
+    std::uint8_t image = 0;  // as stored: from the lower gid
   };
   std::vector<std::uint32_t> begin;  // of each grain, and the end
   std::vector<Item> items;
-  std::vector<double> energy;        // [J] of each item; only with the energy ledger
+  std::vector<double> energy;  // [J] of each item; only with the energy ledger
 
   /// Memory of the pair of the grains that were at these places; zeros where they did not touch.
   PairMemory find(std::int32_t first, std::int32_t second, std::uint8_t image) const;
@@ -73,8 +73,8 @@ struct PairNeeds {
   bool has_history = true;
   bool has_images = false;
   bool has_species = false;
-  int slot_size = 8;                              // doubles
-  const std::uint8_t* species_table = nullptr;    // by material, square
+  int slot_size = 8;                            // doubles
+  const std::uint8_t* species_table = nullptr;  // by material, square
   int n_materials = 1;
 };
 
@@ -118,7 +118,8 @@ class PairList {
           t.history.size() ? reinterpret_cast<const PairMemory*>(t.history.data() + 4 * k) : nullptr);
       }
   }
-  void search(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin, int n_threads);
+  void search(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin,
+              int n_threads);
   void cut(std::int32_t n_grains, int n_threads);
   void mark_deferred(int thread);
   void lay_out(const Particles& particles, const PairNeeds& needs, std::span<const std::int32_t> was_at,
@@ -131,17 +132,17 @@ class PairList {
 
   struct RawChunk {
     std::int32_t grain_begin = 0, grain_end = 0;
-    std::vector<std::uint32_t> offsets;      // of each grain of the chunk, and the end
+    std::vector<std::uint32_t> offsets;  // of each grain of the chunk, and the end
     std::vector<std::int32_t> j;
-    std::vector<std::uint8_t> image;         // of j seen from i; empty without periodic directions
+    std::vector<std::uint8_t> image;  // of j seen from i; empty without periodic directions
   };
   /// A pair whose second grain belongs to a later thread.
   struct CrossPair {
-    std::int32_t grain;   // the later one
+    std::int32_t grain;  // the later one
     std::int32_t other;
-    std::uint32_t slot;   // in the kept slots of the earlier thread
-    std::uint8_t image;   // as stored
-    bool is_b;            // grain is b
+    std::uint32_t slot;  // in the kept slots of the earlier thread
+    std::uint8_t image;  // as stored
+    bool is_b;           // grain is b
   };
   std::vector<RawChunk> raw_;
   std::int64_t n_last_ = 0;                    // pairs of the last list, to expect as many

@@ -15,7 +15,9 @@ constexpr double same_contact_cosine = 0.7;
 std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
 
 /// Places of memory that a candidate may need.
-std::int64_t capacity_of(const WallCandidate& c) { return c.n_triangles == 0 ? 1 : std::min(c.n_triangles, max_touches); }
+std::int64_t capacity_of(const WallCandidate& c) {
+  return c.n_triangles == 0 ? 1 : std::min(c.n_triangles, max_touches);
+}
 
 }  // namespace
 
@@ -34,7 +36,8 @@ void WallContacts::build(const Particles& particles, const PairList& pairs, doub
     const ThreadPairs& mine = threads[index(thread)];
     Share& share = shares_[index(thread)];
     WallCandidates found;
-    walls_->find_candidates(particles.records(), particles.stride(), mine.grain_begin, mine.grain_end, skin, time, found);
+    walls_->find_candidates(particles.records(), particles.stride(), mine.grain_begin, mine.grain_end, skin, time,
+                            found);
     share.list.clear();
     share.tile_begin.clear();
     std::vector<WallCandidate> deferred;
@@ -60,7 +63,8 @@ void WallContacts::build(const Particles& particles, const PairList& pairs, doub
                                    [](const WallCarry::Item& x, std::int32_t grain) { return x.grain < grain; });
       std::int64_t slot = share.slot_begin[c];
       for (; item != carry.items.end() && item->grain == was; ++item)
-        if (item->surface == share.list[c].surface && slot < share.slot_begin[c + 1]) share.memory[at(slot++)] = item->memory;
+        if (item->surface == share.list[c].surface && slot < share.slot_begin[c + 1])
+          share.memory[at(slot++)] = item->memory;
     }
     make_room(share);
   });
@@ -78,8 +82,18 @@ void WallContacts::make_room(Share& share) const {
   share.history.resize_discarding(4 * room);
   share.slots.resize_discarding(at(slot_size_) * room);
   double* const c = share.columns.data();
-  share.view = {share.grain.data(), c,            c + room,     c + 2 * room,         c + 3 * room,        c + 4 * room,
-                c + 5 * room,       c + 6 * room, c + 7 * room, share.species.data(), share.history.data(), share.slots.data()};
+  share.view = {share.grain.data(),
+                c,
+                c + room,
+                c + 2 * room,
+                c + 3 * room,
+                c + 4 * room,
+                c + 5 * room,
+                c + 6 * room,
+                c + 7 * room,
+                share.species.data(),
+                share.history.data(),
+                share.slots.data()};
 }
 
 int WallContacts::touch_one(const Particles& particles, const Share& share, const WallCandidate& candidate,
@@ -88,7 +102,8 @@ int WallContacts::touch_one(const Particles& particles, const Share& share, cons
   const Vec3 centre = particles.position(candidate.grain);
   const double radius = particles.radius(candidate.grain);
   if (surface.kind != SurfaceKind::mesh) return touch_analytic(surface, centre, radius, touches[0]) ? 1 : 0;
-  const std::span<const std::int32_t> triangles(share.triangles.data() + candidate.triangles, at(candidate.n_triangles));
+  const std::span<const std::int32_t> triangles(share.triangles.data() + candidate.triangles,
+                                                at(candidate.n_triangles));
   return touch_mesh(walls_->mesh(surface.mesh), triangles, centre, radius, touches);
 }
 
@@ -97,7 +112,8 @@ Vec3 WallContacts::wall_velocity(const Surface& surface, Vec3 centre, const Touc
   return surface.velocity + cross(surface.angular_velocity, point - surface.centre);
 }
 
-const WallMemory* WallContacts::match(const Share& share, std::int64_t candidate, const Touch& touch, unsigned& taken) const {
+const WallMemory* WallContacts::match(const Share& share, std::int64_t candidate, const Touch& touch,
+                                      unsigned& taken) const {
   if (!has_history_) return nullptr;
   const std::int64_t begin = share.slot_begin[at(candidate)], end = share.slot_begin[at(candidate) + 1];
   const bool is_mesh = share.list[at(candidate)].n_triangles != 0;
@@ -135,7 +151,8 @@ std::int64_t WallContacts::touch(const Particles& particles, int thread, Range c
   std::size_t n = 0;
   const auto put = [&](std::int32_t grain, const Touch& touch, Vec3 velocity, double mirror) {
     share.grain[n] = grain;
-    const double row[8] = {touch.normal.x, touch.normal.y, touch.normal.z, touch.distance, velocity.x, velocity.y, velocity.z, mirror};
+    const double row[8] = {touch.normal.x, touch.normal.y, touch.normal.z, touch.distance,
+                           velocity.x,     velocity.y,     velocity.z,     mirror};
     for (std::size_t k = 0; k < 8; ++k) columns[k * room + n] = row[k];
   };
   for (std::int64_t c = candidates.begin; c < candidates.end; ++c) {
@@ -153,7 +170,8 @@ std::int64_t WallContacts::touch(const Particles& particles, int thread, Range c
       const PairMemory value = memory ? memory->memory : PairMemory{};
       std::memcpy(share.history.data() + 4 * n, &value, sizeof(value));
     }
-    if (dissipated && has_history_) dissipated[4 * std::ptrdiff_t{candidate.grain} + 2] += energy_of_ended(share, c, taken);
+    if (dissipated && has_history_)
+      dissipated[4 * std::ptrdiff_t{candidate.grain} + 2] += energy_of_ended(share, c, taken);
   }
   share.touch_begin[at(candidates.size())] = static_cast<std::int64_t>(n);
   const auto n_found = static_cast<std::int64_t>(n);
@@ -172,7 +190,8 @@ void WallContacts::remember(int thread, Range candidates) {
   const std::size_t room = share.columns.size() / 8;
   for (std::int64_t c = candidates.begin; c < candidates.end; ++c) {
     std::int64_t slot = share.slot_begin[at(c)];
-    for (std::int64_t t = share.touch_begin[at(c - candidates.begin)]; t < share.touch_begin[at(c - candidates.begin) + 1]; ++t) {
+    for (std::int64_t t = share.touch_begin[at(c - candidates.begin)];
+         t < share.touch_begin[at(c - candidates.begin) + 1]; ++t) {
       if (slot == share.slot_begin[at(c) + 1]) break;
       WallMemory& memory = share.memory[at(slot++)];
       std::memcpy(&memory.memory, share.history.data() + 4 * t, sizeof(PairMemory));
@@ -203,8 +222,10 @@ WallCarry WallContacts::carry() const {
   for (const Share& share : shares_)
     for (std::size_t c = 0; c < share.list.size(); ++c)
       for (std::int64_t slot = share.slot_begin[c]; slot < share.slot_begin[c + 1]; ++slot)
-        if (share.memory[at(slot)].is_used()) carry.items.push_back({share.list[c].grain, share.list[c].surface, share.memory[at(slot)]});
-  std::stable_sort(carry.items.begin(), carry.items.end(), [](const auto& x, const auto& y) { return x.grain < y.grain; });
+        if (share.memory[at(slot)].is_used())
+          carry.items.push_back({share.list[c].grain, share.list[c].surface, share.memory[at(slot)]});
+  std::stable_sort(carry.items.begin(), carry.items.end(),
+                   [](const auto& x, const auto& y) { return x.grain < y.grain; });
   return carry;
 }
 

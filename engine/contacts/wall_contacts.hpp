@@ -38,8 +38,8 @@ struct WallContact {
   std::int32_t grain = 0;
   std::int32_t surface = 0;
   Touch touch;
-  Vec3 wall_velocity;      // [m/s] where it is touched
-  PairMemory memory;       // before the step
+  Vec3 wall_velocity;  // [m/s] where it is touched
+  PairMemory memory;   // before the step
 };
 
 class WallContacts {
@@ -48,16 +48,20 @@ class WallContacts {
 
   /// Finds the candidates of all grains, in the shares and tiles of the pair list. `species`: row of the wall law table by
   /// (material, wall).
-  void build(const Particles& particles, const PairList& pairs, double skin, double time, std::span<const std::int32_t> was_at,
-             const WallCarry& carry, int n_threads);
+  void build(const Particles& particles, const PairList& pairs, double skin, double time,
+             std::span<const std::int32_t> was_at, const WallCarry& carry, int n_threads);
   WallCarry carry() const;
   /// All memory as it is, and back again, with no rebuild between.
   std::vector<std::vector<WallMemory>> save() const;
   void put_back(const std::vector<std::vector<WallMemory>>& saved);
 
   /// The candidates of one tile's plain grains, or of a thread's deferred grains.
-  Range tile(int thread, std::size_t tile) const { return {shares_[index(thread)].tile_begin[tile], shares_[index(thread)].tile_begin[tile + 1]}; }
-  Range deferred(int thread) const { return {shares_[index(thread)].tile_begin.back(), static_cast<std::int64_t>(shares_[index(thread)].list.size())}; }
+  Range tile(int thread, std::size_t tile) const {
+    return {shares_[index(thread)].tile_begin[tile], shares_[index(thread)].tile_begin[tile + 1]};
+  }
+  Range deferred(int thread) const {
+    return {shares_[index(thread)].tile_begin.back(), static_cast<std::int64_t>(shares_[index(thread)].list.size())};
+  }
 
   /// The touches of these candidates, with their memory, ready for the sweep; returns their number (without filling).
   /// `dissipated`: four doubles a grain [J], or nullptr; what the spring of a touch that has ended still held goes to friction.
@@ -79,15 +83,15 @@ class WallContacts {
 
  private:
   struct Share {
-    std::vector<WallCandidate> list;           // of plain grains by tile, then of deferred ones
+    std::vector<WallCandidate> list;  // of plain grains by tile, then of deferred ones
     std::vector<std::int32_t> triangles;
-    std::vector<std::int64_t> tile_begin;      // in list, of each tile, and where the deferred begin
-    std::vector<std::int64_t> slot_begin;      // in memory, of each candidate, and the end
+    std::vector<std::int64_t> tile_begin;  // in list, of each tile, and where the deferred begin
+    std::vector<std::int64_t> slot_begin;  // in memory, of each candidate, and the end
     std::vector<WallMemory> memory;
-    std::vector<std::int64_t> touch_begin;     // of each candidate of the range last touched, and the end
+    std::vector<std::int64_t> touch_begin;  // of each candidate of the range last touched, and the end
     // touches of the range
     AlignedArray<std::int32_t> grain;
-    AlignedArray<double> columns;              // nine columns
+    AlignedArray<double> columns;  // nine columns
     AlignedArray<std::uint8_t> species;
     AlignedArray<double> history;
     AlignedArray<double> slots;

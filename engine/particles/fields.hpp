@@ -30,10 +30,10 @@ enum class FieldType : std::uint8_t { real, gid, index };  // double, std::uint6
 
 /// When a field crosses from one owner to another.
 enum class Travel : std::uint8_t {
-  every_step,    // ghosts need it fresh in each step
-  with_ghost,    // sent once, when a ghost is made
-  with_owner,    // sent when a grain changes owner
-  never          // computed where it is needed
+  every_step,  // ghosts need it fresh in each step
+  with_ghost,  // sent once, when a ghost is made
+  with_owner,  // sent when a grain changes owner
+  never        // computed where it is needed
 };
 
 /// Why a field is there; a scene that does not need it neither allocates, sends nor writes it.
@@ -61,7 +61,8 @@ inline constexpr std::array<FieldInfo, n_fields> field_table = {{
     {Field::velocity, "velocity", FieldType::real, 3, "m/s", Travel::every_step, Need::always, 4},
     {Field::inverse_mass, "inverse_mass", FieldType::real, 1, "1/kg", Travel::with_ghost, Need::always, 7},
     {Field::angular_velocity, "angular_velocity", FieldType::real, 3, "rad/s", Travel::every_step, Need::rotation, 8},
-    {Field::inverse_inertia, "inverse_inertia", FieldType::real, 1, "1/(kg m2)", Travel::with_ghost, Need::rotation, 11},
+    {Field::inverse_inertia, "inverse_inertia", FieldType::real, 1, "1/(kg m2)", Travel::with_ghost, Need::rotation,
+     11},
     {Field::gid, "gid", FieldType::gid, 1, "", Travel::with_ghost, Need::always, -1},
     {Field::material, "material", FieldType::index, 1, "", Travel::with_ghost, Need::always, -1},
     // lost so far to normal dashpots, tangential dashpots, friction, body drag; counted at the grain of lower gid
@@ -73,7 +74,9 @@ inline constexpr std::array<FieldInfo, n_fields> field_table = {{
 constexpr const FieldInfo& info(Field field) { return field_table[static_cast<std::size_t>(field)]; }
 
 constexpr std::size_t size_of(FieldType type) {
-  return type == FieldType::real ? sizeof(double) : type == FieldType::gid ? sizeof(std::uint64_t) : sizeof(std::uint16_t);
+  return type == FieldType::real  ? sizeof(double)
+         : type == FieldType::gid ? sizeof(std::uint64_t)
+                                  : sizeof(std::uint16_t);
 }
 
 /// The field of that name, if there is one.

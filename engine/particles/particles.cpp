@@ -69,7 +69,8 @@ void Particles::set_real(Field field, std::int64_t i, int c, double value) {
 }
 
 template <typename T>
-void Particles::gather(AlignedArray<T>& values, std::int64_t width, std::span<const std::int32_t> order, int n_threads) {
+void Particles::gather(AlignedArray<T>& values, std::int64_t width, std::span<const std::int32_t> order,
+                       int n_threads) {
   if (values.size() == 0) return;
   AlignedArray<T> sorted;
   sorted.resize_discarding((order.size() + 1) * static_cast<std::size_t>(width));

@@ -16,7 +16,7 @@ namespace moraine {
 struct FieldNeeds {
   bool rotation = true;
   bool energy = false;
-  bool force = false;   // contact force of each grain, for output
+  bool force = false;  // contact force of each grain, for output
   bool torque = false;
 };
 

@@ -20,7 +20,10 @@ std::string grain_text(const GuardView& view, std::int32_t i) {
 
 std::string other_text(const GuardView& view, const ContactReport& c, std::int32_t seen_from) {
   if (c.other < 0)
-    return fmt::format("wall \"{}\"", view.scene.walls[static_cast<std::size_t>(view.walls.surfaces()[static_cast<std::size_t>(c.surface)].wall)].name);
+    return fmt::format(
+        "wall \"{}\"",
+        view.scene.walls[static_cast<std::size_t>(view.walls.surfaces()[static_cast<std::size_t>(c.surface)].wall)]
+            .name);
   return grain_text(view, c.grain == seen_from ? c.other : c.grain);
 }
 
@@ -34,19 +37,26 @@ std::string contacts_text(const GuardView& view, std::int32_t i) {
   if (found.empty()) return "\n  it touches nothing";
   std::string lines = fmt::format("\n  it touches {}:", found.size());
   for (std::size_t k = 0; k < std::min(most, found.size()); ++k)
-    lines += fmt::format("\n    {}: overlap {:.4g} m ({:.3g} of the smaller radius), force {:.4g} N", other_text(view, found[k], i),
-                         found[k].overlap, found[k].overlap / found[k].smaller_radius, length(found[k].result.force));
+    lines += fmt::format("\n    {}: overlap {:.4g} m ({:.3g} of the smaller radius), force {:.4g} N",
+                         other_text(view, found[k], i), found[k].overlap, found[k].overlap / found[k].smaller_radius,
+                         length(found[k].result.force));
   return lines;
 }
 
 std::string cure(const GuardView& view) {
   const double steps = view.steps_per_contact;
   if (steps < 15.0)
-    return fmt::format("\n  likely cause: the time step {:.4g} s gives the shortest contact only {:.1f} steps; use time.step = \"auto\" or at "
-                       "most {:.4g} s", view.dt, steps, view.dt * steps / 20.0);
-  return fmt::format("\n  likely cause: grains too soft for their load or speed (raise the stiffness; the step then falls), or an impact faster "
-                     "than foreseen (set time.max_speed), or grains put into each other or into a wall; the step {:.4g} s is {:.0f} to a contact",
-                     view.dt, steps);
+    return fmt::format(
+        "\n  likely cause: the time step {:.4g} s gives the shortest contact only {:.1f} steps; use time.step = "
+        "\"auto\" or at "
+        "most {:.4g} s",
+        view.dt, steps, view.dt * steps / 20.0);
+  return fmt::format(
+      "\n  likely cause: grains too soft for their load or speed (raise the stiffness; the step then falls), or an "
+      "impact faster "
+      "than foreseen (set time.max_speed), or grains put into each other or into a wall; the step {:.4g} s is {:.0f} "
+      "to a contact",
+      view.dt, steps);
 }
 
 std::string head(const GuardView& view) { return fmt::format("step {}, t = {:.6g} s: ", view.step, view.time); }
@@ -78,9 +88,12 @@ std::string explain_overlap(const GuardView& view) {
     }
   });
   if (ratio < 0.0) return head(view) + "an overlap ran away; the grains have parted since" + cure(view);
-  return head(view) + fmt::format("overlap runs away: {} is {:.4g} m deep in {}, {:.3g} of the smaller radius (limit run.max_overlap = {:.3g})",
-                                  grain_text(view, worst.grain), worst.overlap, other_text(view, worst, worst.grain), ratio,
-                                  view.scene.run.max_overlap) +
+  return head(view) +
+         fmt::format(
+             "overlap runs away: {} is {:.4g} m deep in {}, {:.3g} of the smaller radius (limit run.max_overlap = "
+             "{:.3g})",
+             grain_text(view, worst.grain), worst.overlap, other_text(view, worst, worst.grain), ratio,
+             view.scene.run.max_overlap) +
          contacts_text(view, worst.grain) + cure(view);
 }
 
@@ -99,8 +112,9 @@ std::string explain_not_finite(const GuardView& view) {
 
 std::string explain_speed(const GuardView& view, std::int32_t grain) {
   const double speed = length(view.particles.velocity(grain));
-  return head(view) + fmt::format("{} moves {:.3g} of its radius in one step: contacts would be missed", grain_text(view, grain),
-                                  speed * view.dt / view.particles.radius(grain)) +
+  return head(view) +
+         fmt::format("{} moves {:.3g} of its radius in one step: contacts would be missed", grain_text(view, grain),
+                     speed * view.dt / view.particles.radius(grain)) +
          contacts_text(view, grain) + cure(view);
 }
 
@@ -114,8 +128,11 @@ std::string explain_outside(const GuardView& view, std::int32_t grain) {
     if (p[axis] < domain.low[axis]) face = faces[2 * axis];
     if (p[axis] >= domain.high[axis]) face = faces[2 * axis + 1];
   }
-  return head(view) + fmt::format("{} has left the domain through {} and there is no outlet: put an [[outlet]] with face = \"{}\" there, close "
-                                  "the walls, or make the domain larger", grain_text(view, grain), face, face);
+  return head(view) + fmt::format(
+                          "{} has left the domain through {} and there is no outlet: put an [[outlet]] with face = "
+                          "\"{}\" there, close "
+                          "the walls, or make the domain larger",
+                          grain_text(view, grain), face, face);
 }
 
 }  // namespace moraine

@@ -16,8 +16,8 @@ struct GuardView {
   const Particles& particles;
   const Contacts& contacts;
   const Walls& walls;
-  double time = 0.0;       // [s]
-  double dt = 0.0;         // [s]
+  double time = 0.0;  // [s]
+  double dt = 0.0;    // [s]
   std::uint64_t step = 0;
   double steps_per_contact = 0.0;
 };

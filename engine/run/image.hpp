@@ -53,15 +53,16 @@ struct WallHistory {
 
 struct Image {
   std::uint64_t step = 0;
-  double time = 0.0;        // [s]
-  double time_step = 0.0;   // [s]
-  Box domain;               // [m]
+  double time = 0.0;       // [s]
+  double time_step = 0.0;  // [s]
+  Box domain;              // [m]
   std::array<bool, 3> periodic{};
   std::uint64_t n_grains = 0;
   std::vector<FieldArray> fields;
-  std::vector<PairHistory> pairs;      // in order of (gid_low, gid_high, image); empty in snapshots
-  std::vector<WallHistory> walls;      // in order of (gid, surface, normal); empty in snapshots
-  std::map<std::string, std::vector<double>> accumulators;  // named state of observers and counters; doubles carry it exactly
+  std::vector<PairHistory> pairs;  // in order of (gid_low, gid_high, image); empty in snapshots
+  std::vector<WallHistory> walls;  // in order of (gid, surface, normal); empty in snapshots
+  std::map<std::string, std::vector<double>>
+      accumulators;  // named state of observers and counters; doubles carry it exactly
   Hash128 hash;
 
   const FieldArray* find(Field field) const {

@@ -4,8 +4,8 @@
 
 namespace moraine {
 
-EnergyLedger take_ledger(const Particles& particles, const Contacts& contacts, const Contacts::Velocities& now, Vec3 gravity,
-                         double damping, double dt) {
+EnergyLedger take_ledger(const Particles& particles, const Contacts& contacts, const Contacts::Velocities& now,
+                         Vec3 gravity, double damping, double dt) {
   ExactSum kinetic, rotational, potential, normal, tangential, lost_normal, lost_tangential, lost_friction, lost_drag;
   const bool has_losses = particles.has(Field::dissipated);
   for (std::int32_t i = 0; i < particles.size(); ++i) {

@@ -20,9 +20,9 @@ struct EnergyLedger {
   double lost_normal = 0.0;      // to normal dashpots
   double lost_tangential = 0.0;  // to tangential dashpots
   double lost_friction = 0.0;
-  double lost_drag = 0.0;        // to bulk viscosity
-  double left = 0.0;             // carried out through outlets
-  double initial = 0.0;          // total at the start of the run
+  double lost_drag = 0.0;  // to bulk viscosity
+  double left = 0.0;       // carried out through outlets
+  double initial = 0.0;    // total at the start of the run
   double total() const { return kinetic + rotational + elastic_normal + elastic_tangential + potential; }
   double lost() const { return lost_normal + lost_tangential + lost_friction + lost_drag + left; }
   double error() const { return total() + lost() - initial; }
@@ -30,7 +30,7 @@ struct EnergyLedger {
 
 /// The energies at the present positions, given the velocities there; `initial` and `left` stay zero. `damping` is the bulk
 /// viscosity [1/s]. The same on every layout: all sums are exact.
-EnergyLedger take_ledger(const Particles& particles, const Contacts& contacts, const Contacts::Velocities& now, Vec3 gravity,
-                         double damping, double dt);
+EnergyLedger take_ledger(const Particles& particles, const Contacts& contacts, const Contacts::Velocities& now,
+                         Vec3 gravity, double damping, double dt);
 
 }  // namespace moraine

@@ -47,12 +47,14 @@ double contact_time(const Scene& scene, const PairParameters& p, double mass, do
   const double beta = p[Parameter::damping];
   double normal = infinity, tangential = infinity;
   if (scene.contact.normal == NormalLaw::linear) {
-    normal = std::numbers::pi * std::sqrt(mass / p[Parameter::normal_stiffness]) / std::sqrt(std::max(1e-3, 1.0 - beta * beta));
+    normal = std::numbers::pi * std::sqrt(mass / p[Parameter::normal_stiffness]) /
+             std::sqrt(std::max(1e-3, 1.0 - beta * beta));
   } else {
     const double e = p[Parameter::young];
     normal = 2.868 * std::pow(mass * mass / (radius * e * e * speed), 0.2);
   }
-  const bool has_spring = scene.contact.tangential == TangentialLaw::spring || scene.contact.tangential == TangentialLaw::power;
+  const bool has_spring =
+      scene.contact.tangential == TangentialLaw::spring || scene.contact.tangential == TangentialLaw::power;
   if (has_spring && scene.contact.normal == NormalLaw::linear && p[Parameter::friction] > 0.0) {
     const double share = scene.contact.rotation ? 2.0 / 7.0 : 1.0;
     tangential = std::numbers::pi * std::sqrt(share * mass / p[Parameter::tangential_stiffness]);
@@ -76,45 +78,42 @@ double mean_diameter(const Scene& scene) {
   return count > 0.0 ? sum / count : 0.0;
 }
 
-const char* name_of(NormalLaw law) { return law == NormalLaw::linear ? "linear" : "hertz"; }
-const char* name_of(TangentialLaw law) {
-  switch (law) {
-    case TangentialLaw::none: return "none";
-    case TangentialLaw::viscous: return "viscous";
-    case TangentialLaw::spring: return "spring";
-    case TangentialLaw::mindlin: return "mindlin";
-    case TangentialLaw::power: return "power";
-  }
-  return "";
-}
-
 /// Bytes a grain: record, gid, material, place at the last rebuild, pairs with memory and entries, scratch of a rebuild.
 double bytes_per_grain(const Scene& scene) {
-  const bool has_history = scene.contact.tangential != TangentialLaw::none && scene.contact.tangential != TangentialLaw::viscous;
+  const bool remembers = has_history(scene.contact.tangential);
   const double record = 8.0 * record_size(scene.contact.rotation);
-  const double pairs = 4.2 * (8.0 + 8.0 + (has_history ? 32.0 : 0.0) + 2.0);
-  return 2.0 * record + 8.0 + 2.0 + 24.0 + pairs + (has_history ? 110.0 : 0.0) + 40.0 + (scene.output.energy ? 32.0 : 0.0);
+  const double pairs = 4.2 * (8.0 + 8.0 + (remembers ? 32.0 : 0.0) + 2.0);
+  return 2.0 * record + 8.0 + 2.0 + 24.0 + pairs + (remembers ? 110.0 : 0.0) + 40.0 +
+         (scene.output.energy ? 32.0 : 0.0);
 }
 
 void describe(const Scene& scene, Plan& plan) {
   const auto say = [](std::vector<std::string>& list, bool is_used, const std::string& used, const std::string& unused,
                       std::vector<std::string>& other) {
-    if (is_used) list.push_back(used);
-    else other.push_back(unused);
+    if (is_used)
+      list.push_back(used);
+    else
+      other.push_back(unused);
   };
-  plan.chosen.push_back(fmt::format("contacts: normal {}, tangential {}, double precision, {} lanes by {}", name_of(scene.contact.normal),
-                                    name_of(scene.contact.tangential), std::string(instruction_set()) == "AVX3" ? 8 : 4,
-                                    instruction_set()));
-  say(plan.chosen, scene.contact.rotation, "rotation", "rotation (grains do not spin: 64 bytes a grain instead of 96)", plan.left_out);
-  const bool has_history = scene.contact.tangential != TangentialLaw::none && scene.contact.tangential != TangentialLaw::viscous;
-  say(plan.chosen, has_history, "contact history", "contact history (the tangential law needs none)", plan.left_out);
+  plan.chosen.push_back(fmt::format("contacts: normal {}, tangential {}, double precision, {} lanes by {}",
+                                    name_of(scene.contact.normal), name_of(scene.contact.tangential),
+                                    std::string(instruction_set()) == "AVX3" ? 8 : 4, instruction_set()));
+  say(plan.chosen, scene.contact.rotation, "rotation", "rotation (grains do not spin: 64 bytes a grain instead of 96)",
+      plan.left_out);
+  const bool remembers = has_history(scene.contact.tangential);
+  say(plan.chosen, remembers, "contact history", "contact history (the tangential law needs none)", plan.left_out);
   const bool has_periodic = scene.domain.periodic[0] || scene.domain.periodic[1] || scene.domain.periodic[2];
   say(plan.chosen, has_periodic, "periodic images", "periodic images", plan.left_out);
-  say(plan.chosen, !scene.walls.empty(), fmt::format("{} wall{}", scene.walls.size(), scene.walls.size() == 1 ? "" : "s"), "walls", plan.left_out);
-  say(plan.chosen, scene.output.energy, "energy ledger", "energy ledger (output.energy = true keeps it)", plan.left_out);
-  say(plan.chosen, scene.time.damping > 0.0, fmt::format("bulk viscosity {:g} 1/s", scene.time.damping), "bulk viscosity", plan.left_out);
-  say(plan.chosen, !scene.outlets.empty(), fmt::format("{} outlet{}", scene.outlets.size(), scene.outlets.size() == 1 ? "" : "s"), "outlets", plan.left_out);
-  say(plan.chosen, scene.domain.dimensions == 3, "three dimensions", "the third dimension (z is frozen)", plan.left_out);
+  say(plan.chosen, !scene.walls.empty(),
+      fmt::format("{} wall{}", scene.walls.size(), scene.walls.size() == 1 ? "" : "s"), "walls", plan.left_out);
+  say(plan.chosen, scene.output.energy, "energy ledger", "energy ledger (output.energy = true keeps it)",
+      plan.left_out);
+  say(plan.chosen, scene.time.damping > 0.0, fmt::format("bulk viscosity {:g} 1/s", scene.time.damping),
+      "bulk viscosity", plan.left_out);
+  say(plan.chosen, !scene.outlets.empty(),
+      fmt::format("{} outlet{}", scene.outlets.size(), scene.outlets.size() == 1 ? "" : "s"), "outlets", plan.left_out);
+  say(plan.chosen, scene.domain.dimensions == 3, "three dimensions", "the third dimension (z is frozen)",
+      plan.left_out);
   plan.left_out.push_back("gas");
 }
 
@@ -142,12 +141,16 @@ StepChoice choose_time_step(const Scene& scene) {
   const double speed = expected_speed(scene);
   std::vector<std::pair<std::string, Sizes>> grains;
   for (const Material& material : scene.materials)
-    if (const Sizes sizes = sizes_of(scene, material.name); sizes.largest > 0.0) grains.emplace_back(material.name, sizes);
+    if (const Sizes sizes = sizes_of(scene, material.name); sizes.largest > 0.0)
+      grains.emplace_back(material.name, sizes);
   const auto density = [&](const std::string& name) {
     return scene.materials[static_cast<std::size_t>(scene.material_index(name))].density;
   };
-  const auto mass = [&](const std::string& name, double d) { return density(name) * std::numbers::pi / 6.0 * d * d * d; };
-  const auto consider = [&](const PairParameters& p, double reduced_mass, double reduced_radius, const std::string& words) {
+  const auto mass = [&](const std::string& name, double d) {
+    return density(name) * std::numbers::pi / 6.0 * d * d * d;
+  };
+  const auto consider = [&](const PairParameters& p, double reduced_mass, double reduced_radius,
+                            const std::string& words) {
     const double time = contact_time(scene, p, reduced_mass, reduced_radius, speed);
     if (time < choice.contact_time) {
       choice.contact_time = time;
@@ -163,7 +166,8 @@ StepChoice choose_time_step(const Scene& scene) {
     }
     for (const WallDefinition& wall : scene.walls) {
       if (wall.symmetry) {
-        consider(pair_parameters(scene, a, a), 0.5 * ma, 0.25 * da, fmt::format("{} (d {:.4g} m) with its mirror image", a, da));
+        consider(pair_parameters(scene, a, a), 0.5 * ma, 0.25 * da,
+                 fmt::format("{} (d {:.4g} m) with its mirror image", a, da));
       } else {
         consider(pair_parameters(scene, a, wall.material), ma, 0.5 * da,
                  fmt::format("{} (d {:.4g} m) with wall \"{}\" ({})", a, da, wall.name, wall.material));
@@ -193,11 +197,12 @@ Plan make_plan(const Scene& scene, int n_threads) {
   plan.seconds = static_cast<double>(plan.n_grains) * static_cast<double>(plan.n_steps) / rate;
   describe(scene, plan);
   if (plan.time_step.steps_per_contact < 15.0)
-    plan.warnings.push_back(fmt::format(
-        "time.step = {:.4g} s gives the shortest contact ({}, {:.4g} s) only {:.1f} steps: forces will be wrong, and below about 6 the "
-        "run blows up; at most {:.4g} s (20 steps) is advised",
-        plan.time_step.step, plan.time_step.limit, plan.time_step.contact_time, plan.time_step.steps_per_contact,
-        plan.time_step.contact_time / 20.0));
+    plan.warnings.push_back(
+        fmt::format("time.step = {:.4g} s gives the shortest contact ({}, {:.4g} s) only {:.1f} steps: forces will be "
+                    "wrong, and below about 6 the "
+                    "run blows up; at most {:.4g} s (20 steps) is advised",
+                    plan.time_step.step, plan.time_step.limit, plan.time_step.contact_time,
+                    plan.time_step.steps_per_contact, plan.time_step.contact_time / 20.0));
   return plan;
 }
 

@@ -23,10 +23,10 @@ struct Plan {
   StepChoice time_step;
   std::uint64_t n_steps = 0;
   std::uint64_t n_grains = 0;
-  double skin = 0.0;               // [m]
-  double memory = 0.0;             // [bytes] estimate
-  double seconds = 0.0;            // [s] estimate of the time to run
-  std::vector<std::string> chosen; // kernels, in words
+  double skin = 0.0;                // [m]
+  double memory = 0.0;              // [bytes] estimate
+  double seconds = 0.0;             // [s] estimate of the time to run
+  std::vector<std::string> chosen;  // kernels, in words
   std::vector<std::string> left_out;
   std::vector<std::string> warnings;
 };

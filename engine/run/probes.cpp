@@ -24,7 +24,8 @@ int wall_index(const Scene& scene, const std::string& name) {
 
 /// Extent of the probe along its axis: of the wall, or of the region.
 Box extent_of(const ProbeView& view, const Probe& probe) {
-  if (probe.kind == Probe::Kind::wall_pressure) return view.walls.extent(wall_index(view.scene, probe.wall), view.scene.domain.box());
+  if (probe.kind == Probe::Kind::wall_pressure)
+    return view.walls.extent(wall_index(view.scene, probe.wall), view.scene.domain.box());
   return probe.region;
 }
 
@@ -94,7 +95,8 @@ std::vector<double> profile(const ProbeView& view, const Probe& probe) {
   std::vector<double> count(bins, 0.0);
   for (std::int32_t i = 0; i < p.size(); ++i) {
     if (!p.is_here(i) || !probe.region.contains(p.position(i))) continue;
-    const auto bin = static_cast<std::size_t>(std::clamp(bin_of(probe, probe.region, p.position(i)), 0, probe.bins - 1));
+    const auto bin =
+        static_cast<std::size_t>(std::clamp(bin_of(probe, probe.region, p.position(i)), 0, probe.bins - 1));
     volume[bin].add(volume_of(p.radius(i)));
     velocity[bin].add(p.velocity(i));
     count[bin] += 1.0;
@@ -129,8 +131,9 @@ std::vector<double> mass(const ProbeView& view, std::vector<double>& last) {
 }
 
 std::vector<double> energy(const EnergyLedger& e) {
-  return {e.kinetic,      e.rotational,      e.elastic_normal, e.elastic_tangential, e.potential, e.lost_normal,
-          e.lost_tangential, e.lost_friction, e.lost_drag,     e.left,               e.total(),   e.error()};
+  return {e.kinetic,   e.rotational,  e.elastic_normal,  e.elastic_tangential,
+          e.potential, e.lost_normal, e.lost_tangential, e.lost_friction,
+          e.lost_drag, e.left,        e.total(),         e.error()};
 }
 
 }  // namespace
@@ -139,22 +142,36 @@ std::vector<std::string> probe_columns(const Scene& scene, const Probe& probe) {
   std::vector<std::string> names;
   switch (probe.kind) {
     case Probe::Kind::energy:
-      return {"kinetic [J]", "rotational [J]", "elastic normal [J]", "elastic tangential [J]", "potential [J]",
-              "lost to normal dashpots [J]", "lost to tangential dashpots [J]", "lost to friction [J]", "lost to drag [J]",
-              "left [J]", "total [J]", "error [J]"};
+      return {"kinetic [J]",
+              "rotational [J]",
+              "elastic normal [J]",
+              "elastic tangential [J]",
+              "potential [J]",
+              "lost to normal dashpots [J]",
+              "lost to tangential dashpots [J]",
+              "lost to friction [J]",
+              "lost to drag [J]",
+              "left [J]",
+              "total [J]",
+              "error [J]"};
     case Probe::Kind::wall_force:
       return {"force x [N]", "force y [N]", "force z [N]", "torque x [N m]", "torque y [N m]", "torque z [N m]"};
     case Probe::Kind::region:
-      return {"grains", "solid fraction", "velocity x [m/s]", "velocity y [m/s]", "velocity z [m/s]",
-              "granular temperature [m2/s2]", "coordination number"};
+      return {"grains",
+              "solid fraction",
+              "velocity x [m/s]",
+              "velocity y [m/s]",
+              "velocity z [m/s]",
+              "granular temperature [m2/s2]",
+              "coordination number"};
     case Probe::Kind::mass:
       return {"born", "inside", "left", "mass born [kg]", "mass inside [kg]", "mass left [kg]", "outflow [kg/s]"};
-    case Probe::Kind::contacts:
-      return {"contacts", "mean overlap / radius", "largest overlap / radius"};
+    case Probe::Kind::contacts: return {"contacts", "mean overlap / radius", "largest overlap / radius"};
     case Probe::Kind::wall_pressure:
     case Probe::Kind::profile: {
       Box extent = probe.region;
-      if (probe.kind == Probe::Kind::wall_pressure) extent = Walls(scene).extent(wall_index(scene, probe.wall), scene.domain.box());
+      if (probe.kind == Probe::Kind::wall_pressure)
+        extent = Walls(scene).extent(wall_index(scene, probe.wall), scene.domain.box());
       const double low = extent.low[probe.axis], size = (extent.high[probe.axis] - low) / probe.bins;
       for (int bin = 0; bin < probe.bins; ++bin) {
         const std::string at = fmt::format("{} {:.6g} m", axis_names[probe.axis], low + (bin + 0.5) * size);

@@ -25,7 +25,7 @@ struct ProbeView {
   double dt = 0.0;             // [s]
   const EnergyLedger* energy;  // nullptr where the scene keeps none
   Census census;
-  double time = 0.0;           // [s]
+  double time = 0.0;  // [s]
 };
 
 /// Column names with units, the time not among them.

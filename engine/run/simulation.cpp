@@ -61,7 +61,8 @@ void put_seeds(const Scene& scene, const std::vector<GrainSeed>& seeds, Particle
   particles.resize(static_cast<std::int32_t>(seeds.size()));
   for (std::int32_t i = 0; i < particles.size(); ++i) {
     const GrainSeed& seed = seeds[static_cast<std::size_t>(i)];
-    const double mass = scene.materials[seed.material].density * 4.0 / 3.0 * std::numbers::pi * seed.radius * seed.radius * seed.radius;
+    const double mass =
+        scene.materials[seed.material].density * 4.0 / 3.0 * std::numbers::pi * seed.radius * seed.radius * seed.radius;
     for (int c = 0; c < 3; ++c) {
       particles.set_real(Field::position, i, c, seed.position[c]);
       particles.set_real(Field::velocity, i, c, seed.velocity[c]);
@@ -83,14 +84,18 @@ void put_image(const Image& image, Particles& particles) {
     if (!particles.has(row.field) || row.travel == Travel::never) continue;
     const FieldArray* const array = image.find(row.field);
     if (!array)
-      throw SceneError({{"", "the checkpoint holds no field \"" + std::string(row.name) + "\", which the scene needs", false}});
+      throw SceneError(
+          {{"", "the checkpoint holds no field \"" + std::string(row.name) + "\", which the scene needs", false}});
     for (std::int32_t i = 0; i < particles.size(); ++i) {
       const auto k = static_cast<std::size_t>(i);
-      if (row.type == FieldType::gid) particles.set_gid(i, array->gids[k]);
-      else if (row.type == FieldType::index) particles.set_material(i, array->indices[k]);
+      if (row.type == FieldType::gid)
+        particles.set_gid(i, array->gids[k]);
+      else if (row.type == FieldType::index)
+        particles.set_material(i, array->indices[k]);
       else
         for (int c = 0; c < row.components; ++c)
-          particles.set_real(row.field, i, c, array->reals[k * static_cast<std::size_t>(row.components) + static_cast<std::size_t>(c)]);
+          particles.set_real(row.field, i, c,
+                             array->reals[k * static_cast<std::size_t>(row.components) + static_cast<std::size_t>(c)]);
     }
   }
 }
@@ -108,7 +113,9 @@ class PlaceOf {
   std::int32_t operator()(std::uint64_t gid) const {
     const auto found = std::lower_bound(gids_.begin(), gids_.end(), gid);
     if (found == gids_.end() || *found != gid)
-      throw SceneError({{"", "the checkpoint remembers a contact of grain " + std::to_string(gid) + ", which it does not hold", false}});
+      throw SceneError(
+          {{"", "the checkpoint remembers a contact of grain " + std::to_string(gid) + ", which it does not hold",
+            false}});
     return static_cast<std::int32_t>(found - gids_.begin());
   }
 
@@ -122,7 +129,8 @@ PairCarry carry_of(const std::vector<PairHistory>& pairs, const Particles& parti
   carry.begin.assign(static_cast<std::size_t>(particles.size()) + 1, 0);
   for (const PairHistory& pair : pairs) {  // in order of gid_low, which is the order of the places
     ++carry.begin[static_cast<std::size_t>(place(pair.gid_low)) + 1];
-    carry.items.push_back({{pair.displacement[0], pair.displacement[1], pair.displacement[2]}, place(pair.gid_high),
+    carry.items.push_back({{pair.displacement[0], pair.displacement[1], pair.displacement[2]},
+                           place(pair.gid_high),
                            static_cast<std::uint8_t>(pair.image)});
     if (particles.has(Field::dissipated)) carry.energy.push_back(pair.energy);
   }
@@ -142,7 +150,8 @@ WallCarry carry_of(const std::vector<WallHistory>& walls, const Particles& parti
     item.memory.normal = {wall.normal[0], wall.normal[1], wall.normal[2]};
     carry.items.push_back(item);
   }
-  std::stable_sort(carry.items.begin(), carry.items.end(), [](const auto& x, const auto& y) { return x.grain < y.grain; });
+  std::stable_sort(carry.items.begin(), carry.items.end(),
+                   [](const auto& x, const auto& y) { return x.grain < y.grain; });
   return carry;
 }
 
@@ -166,26 +175,33 @@ struct Simulation::Parts {
   std::uint64_t step = 0;
   double dt = 0.0;
   Census census;
-  double energy_left = 0.0;      // [J] carried out through outlets
+  double energy_left = 0.0;  // [J] carried out through outlets
   double energy_initial = 0.0;
   bool has_energy_initial = false;
   std::vector<std::vector<double>> probe_memory;
 
   // Until when the pair list is good.
-  double skin = 0.0;             // [m]
-  bool is_list_old = true;       // it must be rebuilt, however little has moved
-  double travelled = 0.0;        // [m] no grain has moved further since the rebuild
+  double skin = 0.0;        // [m]
+  bool is_list_old = true;  // it must be rebuilt, however little has moved
+  double travelled = 0.0;   // [m] no grain has moved further since the rebuild
   std::vector<Vec3> place_at_rebuild;
-  double next_wall_change = 0.0; // [s]
+  double next_wall_change = 0.0;  // [s]
   std::uint64_t n_rebuilds = 0, steps_since_rebuild = 0;
   StepResult result;
 
   Parts(const Scene& s, int threads)
-      : scene(s), n_threads(threads), plan(make_plan(s, threads)), walls(s), particles(needs_of(s)), dt(plan.time_step.step),
+      : scene(s),
+        n_threads(threads),
+        plan(make_plan(s, threads)),
+        walls(s),
+        particles(needs_of(s)),
+        dt(plan.time_step.step),
         probe_memory(s.output.probes.size()) {}
 
   double time() const { return static_cast<double>(step) * dt; }
-  GuardView guard_view() const { return {scene, particles, *contacts, walls, time(), dt, step, plan.time_step.steps_per_contact}; }
+  GuardView guard_view() const {
+    return {scene, particles, *contacts, walls, time(), dt, step, plan.time_step.steps_per_contact};
+  }
 
   void make_contacts();
   void choose_skin();
@@ -236,7 +252,9 @@ void Simulation::Parts::choose_skin() {
   }
   const double widest = widest_skin();
   if (!(widest > 1e-6 * kind.largest_radius) && particles.size() > 0)
-    throw SceneError({{"domain", "a periodic direction is not wider than the largest grain: no room to tell a grain from its image", false}});
+    throw SceneError(
+        {{"domain", "a periodic direction is not wider than the largest grain: no room to tell a grain from its image",
+          false}});
   skin = std::min(skin, widest);
 }
 
@@ -256,9 +274,13 @@ double Simulation::Parts::largest_travel() const {
 
 StepPlan Simulation::Parts::decide() {
   StepPlan todo;
+  todo.rebuild = is_list_old || time() >= next_wall_change;
+  // The bound adds up the fastest grain of every step; where it is used up, look how far the grains have really come.
   const double allowed = 0.5 * skin * (1.0 - 1e-9);
-  if (!is_list_old && travelled > allowed) travelled = largest_travel();
-  todo.rebuild = is_list_old || travelled > 0.95 * allowed || time() >= next_wall_change;
+  if (!todo.rebuild && travelled > allowed) {
+    travelled = largest_travel();
+    todo.rebuild = travelled > 0.95 * allowed;
+  }
   return todo;
 }
 
@@ -279,7 +301,8 @@ void Simulation::Parts::after_rebuild() {
   place_at_rebuild.resize(static_cast<std::size_t>(particles.size()));
   parallel(n_threads, [&](int thread) {
     const Range share = share_of(particles.size(), thread, n_threads);
-    for (std::int64_t i = share.begin; i < share.end; ++i) place_at_rebuild[static_cast<std::size_t>(i)] = particles.position(i);
+    for (std::int64_t i = share.begin; i < share.end; ++i)
+      place_at_rebuild[static_cast<std::size_t>(i)] = particles.position(i);
   });
 }
 
@@ -328,8 +351,10 @@ void Simulation::Parts::remove(std::int32_t i) {
   census.mass_left += mass;
   energy_left += contacts->clear_memory(i);
   if (scene.output.energy) {
-    energy_left += 0.5 * mass * squared_length(particles.velocity(i)) - mass * dot(scene.time.gravity, particles.position(i));
-    if (scene.contact.rotation) energy_left += 0.5 / particles.inverse_inertia(i) * squared_length(particles.angular_velocity(i));
+    energy_left +=
+        0.5 * mass * squared_length(particles.velocity(i)) - mass * dot(scene.time.gravity, particles.position(i));
+    if (scene.contact.rotation)
+      energy_left += 0.5 / particles.inverse_inertia(i) * squared_length(particles.angular_velocity(i));
     for (int k = 0; k < 4; ++k) energy_left += particles.dissipated()[4 * static_cast<std::ptrdiff_t>(i) + k];
   }
   for (int c = 0; c < 3; ++c) {
@@ -347,8 +372,10 @@ void Simulation::Parts::cross_faces() {
                                      [](const Outlet& outlet) { return std::holds_alternative<Box>(outlet.where); });
   if (has_boxes)
     for (std::int32_t i = 0; i < particles.size(); ++i)
-      if (particles.is_here(i) && box.contains(particles.position(i)) && leaves_through_outlet(particles.position(i))) outside.push_back(i);
-  std::sort(outside.begin(), outside.end(), [&](std::int32_t x, std::int32_t y) { return particles.gid(x) < particles.gid(y); });
+      if (particles.is_here(i) && box.contains(particles.position(i)) && leaves_through_outlet(particles.position(i)))
+        outside.push_back(i);
+  std::sort(outside.begin(), outside.end(),
+            [&](std::int32_t x, std::int32_t y) { return particles.gid(x) < particles.gid(y); });
   for (const std::int32_t i : outside) {
     // A coordinate is wrapped in the step in which the grain crosses, because wrapping rounds.
     std::array<int, 3> steps{};
@@ -366,8 +393,10 @@ void Simulation::Parts::cross_faces() {
     }
     if (steps[0] || steps[1] || steps[2]) contacts->shift_images(i, steps);
     const Vec3 position = particles.position(i);
-    if (leaves_through_outlet(position)) remove(i);
-    else if (!box.contains(position)) throw RunError(explain_outside(guard_view(), i));
+    if (leaves_through_outlet(position))
+      remove(i);
+    else if (!box.contains(position))
+      throw RunError(explain_outside(guard_view(), i));
   }
 }
 
@@ -398,13 +427,20 @@ void Simulation::Parts::check_start() {
     if (particles.gid(c.grain) >= first) return;
     first = particles.gid(c.grain);
     const Vec3 p = particles.position(c.grain);
-    const std::string other = c.other >= 0 ? "grain " + std::to_string(particles.gid(c.other))
-                                           : "wall \"" + scene.walls[static_cast<std::size_t>(walls.surfaces()[static_cast<std::size_t>(c.surface)].wall)].name + "\"";
+    const std::string other =
+        c.other >= 0
+            ? "grain " + std::to_string(particles.gid(c.other))
+            : "wall \"" +
+                  scene.walls[static_cast<std::size_t>(walls.surfaces()[static_cast<std::size_t>(c.surface)].wall)]
+                      .name +
+                  "\"";
     char where[160];
-    std::snprintf(where, sizeof(where), "at (%.6g, %.6g, %.6g) m overlaps %s by %.3g of the smaller radius", p.x, p.y, p.z, other.c_str(),
-                  c.overlap / c.smaller_radius);
-    problems = {{"particles", "at the start grain " + std::to_string(particles.gid(c.grain)) + " " + where +
-                                         "; at most 0.2 is allowed: move the grains apart or away from the wall", false}};
+    std::snprintf(where, sizeof(where), "at (%.6g, %.6g, %.6g) m overlaps %s by %.3g of the smaller radius", p.x, p.y,
+                  p.z, other.c_str(), c.overlap / c.smaller_radius);
+    problems = {{"particles",
+                 "at the start grain " + std::to_string(particles.gid(c.grain)) + " " + where +
+                     "; at most 0.2 is allowed: move the grains apart or away from the wall",
+                 false}};
   });
   if (n_deep == 0) return;
   if (n_deep > 1) problems[0].message += " (" + std::to_string(n_deep) + " such contacts)";
@@ -440,7 +476,8 @@ std::vector<std::int32_t> Simulation::Parts::order_by_gid() const {
   order.reserve(static_cast<std::size_t>(particles.size()));
   for (std::int32_t i = 0; i < particles.size(); ++i)
     if (particles.is_here(i)) order.push_back(i);
-  std::sort(order.begin(), order.end(), [&](std::int32_t x, std::int32_t y) { return particles.gid(x) < particles.gid(y); });
+  std::sort(order.begin(), order.end(),
+            [&](std::int32_t x, std::int32_t y) { return particles.gid(x) < particles.gid(y); });
   return order;
 }
 
@@ -448,12 +485,17 @@ FieldArray Simulation::Parts::gather(const FieldInfo& row, const std::vector<std
   FieldArray array;
   array.field = row.field;
   const std::size_t n = order.size() * static_cast<std::size_t>(row.components);
-  if (row.type == FieldType::gid) array.gids.reserve(n);
-  else if (row.type == FieldType::index) array.indices.reserve(n);
-  else array.reals.reserve(n);
+  if (row.type == FieldType::gid)
+    array.gids.reserve(n);
+  else if (row.type == FieldType::index)
+    array.indices.reserve(n);
+  else
+    array.reals.reserve(n);
   for (const std::int32_t i : order) {
-    if (row.type == FieldType::gid) array.gids.push_back(particles.gid(i));
-    else if (row.type == FieldType::index) array.indices.push_back(particles.material(i));
+    if (row.type == FieldType::gid)
+      array.gids.push_back(particles.gid(i));
+    else if (row.type == FieldType::index)
+      array.indices.push_back(particles.material(i));
     else
       for (int c = 0; c < row.components; ++c) array.reals.push_back(particles.real(row.field, i, c));
   }
@@ -490,8 +532,10 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image) {
   parts_ = std::make_unique<Parts>(scene, n_threads);
   Parts& p = *parts_;
   if (image.time_step != p.dt)
-    throw SceneError({{"time.step", "is " + std::to_string(p.dt) + " s, but the checkpoint was written with " +
-                                        std::to_string(image.time_step) + " s; a run goes on with the step it had", false}});
+    throw SceneError({{"time.step",
+                       "is " + std::to_string(p.dt) + " s, but the checkpoint was written with " +
+                           std::to_string(image.time_step) + " s; a run goes on with the step it had",
+                       false}});
   if (!(image.domain == scene.domain.box()) || image.periodic != scene.domain.periodic)
     throw SceneError({{"domain", "is not the one that the checkpoint was written with", false}});
   put_image(image, p.particles);
@@ -507,11 +551,13 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image) {
   p.energy_initial = number("energy_initial");
   p.has_energy_initial = scene.output.energy;
   for (std::size_t k = 0; k < p.probe_memory.size(); ++k)
-    if (const auto found = image.accumulators.find("probe_" + scene.output.probes[k].name); found != image.accumulators.end())
+    if (const auto found = image.accumulators.find("probe_" + scene.output.probes[k].name);
+        found != image.accumulators.end())
       p.probe_memory[k] = found->second;
   p.make_contacts();
   forget_lists(p.scene);
-  p.contacts->restore(p.particles, carry_of(image.pairs, p.particles), carry_of(image.walls, p.particles), p.skin, p.time(), n_threads);
+  p.contacts->restore(p.particles, carry_of(image.pairs, p.particles), carry_of(image.walls, p.particles), p.skin,
+                      p.time(), n_threads);
   p.after_rebuild();
   p.stopwatch.start(Phase::observe);
 }
@@ -541,10 +587,13 @@ std::uint64_t Simulation::n_grains() const { return n_born() - n_left(); }
 std::uint64_t Simulation::n_rebuilds() const { return parts_->n_rebuilds; }
 double Simulation::memory() const {
   const Parts& p = *parts_;
-  return static_cast<double>(p.particles.memory() + p.contacts->memory() + p.place_at_rebuild.capacity() * sizeof(Vec3));
+  return static_cast<double>(p.particles.memory() + p.contacts->memory() +
+                             p.place_at_rebuild.capacity() * sizeof(Vec3));
 }
 std::vector<PhaseTime> Simulation::phases() const { return parts_->stopwatch.table(); }
-Hash128 Simulation::state_hash() const { return moraine::state_hash(parts_->particles, *parts_->contacts, parts_->step); }
+Hash128 Simulation::state_hash() const {
+  return moraine::state_hash(parts_->particles, *parts_->contacts, parts_->step);
+}
 
 Image Simulation::snapshot(const std::vector<std::string>& fields) const {
   const Parts& p = *parts_;
@@ -552,9 +601,10 @@ Image Simulation::snapshot(const std::vector<std::string>& fields) const {
   const std::vector<std::int32_t> order = p.order_by_gid();
   image.n_grains = order.size();
   for (const FieldInfo& row : field_table) {
-    const bool is_asked = fields.empty() ? row.travel != Travel::never || p.particles.has(row.field)
-                                         : row.field == Field::gid || row.field == Field::position || row.field == Field::radius ||
-                                               std::find(fields.begin(), fields.end(), row.name) != fields.end();
+    const bool is_asked = fields.empty()
+                              ? row.travel != Travel::never || p.particles.has(row.field)
+                              : row.field == Field::gid || row.field == Field::position || row.field == Field::radius ||
+                                    std::find(fields.begin(), fields.end(), row.name) != fields.end();
     if (is_asked && p.particles.has(row.field)) image.fields.push_back(p.gather(row, order));
   }
   image.hash = state_hash();
@@ -572,7 +622,11 @@ Image Simulation::checkpoint() const {
   p.contacts->for_each_memory(p.particles, [&](auto&&...) { ++n_pairs; });
   image.pairs.reserve(n_pairs);
   p.contacts->for_each_memory(p.particles, [&](std::int32_t a, std::int32_t b, std::uint8_t code, const PairMemory& m) {
-    image.pairs.push_back({p.particles.gid(a), p.particles.gid(b), code, {m.displacement[0], m.displacement[1], m.displacement[2]}, m.energy});
+    image.pairs.push_back({p.particles.gid(a),
+                           p.particles.gid(b),
+                           code,
+                           {m.displacement[0], m.displacement[1], m.displacement[2]},
+                           m.energy});
   });
   std::sort(image.pairs.begin(), image.pairs.end(), [](const PairHistory& x, const PairHistory& y) {
     return std::tuple(x.gid_low, x.gid_high, x.image) < std::tuple(y.gid_low, y.gid_high, y.image);
@@ -580,15 +634,19 @@ Image Simulation::checkpoint() const {
   for (const WallCarry::Item& item : p.contacts->wall_carry().items) {
     const PairMemory& m = item.memory.memory;
     const Vec3 n = item.memory.normal;
-    image.walls.push_back({p.particles.gid(item.grain), static_cast<std::uint64_t>(item.surface), {n.x, n.y, n.z},
-                           {m.displacement[0], m.displacement[1], m.displacement[2]}, m.energy});
+    image.walls.push_back({p.particles.gid(item.grain),
+                           static_cast<std::uint64_t>(item.surface),
+                           {n.x, n.y, n.z},
+                           {m.displacement[0], m.displacement[1], m.displacement[2]},
+                           m.energy});
   }
   std::sort(image.walls.begin(), image.walls.end(), [](const WallHistory& x, const WallHistory& y) {
-    return std::tuple(x.gid, x.surface, x.normal[0], x.normal[1], x.normal[2]) < std::tuple(y.gid, y.surface, y.normal[0], y.normal[1], y.normal[2]);
+    return std::tuple(x.gid, x.surface, x.normal[0], x.normal[1], x.normal[2]) <
+           std::tuple(y.gid, y.surface, y.normal[0], y.normal[1], y.normal[2]);
   });
-  image.accumulators = {{"born", {p.census.n_born}},           {"left", {p.census.n_left}},
-                        {"mass_born", {p.census.mass_born}},   {"mass_left", {p.census.mass_left}},
-                        {"energy_left", {p.energy_left}},      {"energy_initial", {p.energy_initial}}};
+  image.accumulators = {{"born", {p.census.n_born}},         {"left", {p.census.n_left}},
+                        {"mass_born", {p.census.mass_born}}, {"mass_left", {p.census.mass_left}},
+                        {"energy_left", {p.energy_left}},    {"energy_initial", {p.energy_initial}}};
   for (std::size_t k = 0; k < p.probe_memory.size(); ++k)
     if (!p.probe_memory[k].empty()) image.accumulators["probe_" + p.scene.output.probes[k].name] = p.probe_memory[k];
   image.hash = state_hash();
@@ -596,7 +654,8 @@ Image Simulation::checkpoint() const {
 }
 
 EnergyLedger Simulation::energy() const {
-  if (!parts_->scene.output.energy) throw std::logic_error("the scene keeps no energy ledger: set output.energy = true");
+  if (!parts_->scene.output.energy)
+    throw std::logic_error("the scene keeps no energy ledger: set output.energy = true");
   return parts_->energy();
 }
 
@@ -610,7 +669,8 @@ std::vector<double> Simulation::probe_row(std::size_t probe) {
   p.renew_list();
   std::optional<EnergyLedger> ledger;
   if (p.scene.output.energy && wanted.kind == Probe::Kind::energy) ledger = p.energy();
-  const ProbeView view{p.scene, p.walls, p.particles, *p.contacts, p.dt, ledger ? &*ledger : nullptr, p.census, p.time()};
+  const ProbeView view{p.scene,  p.walls, p.particles, *p.contacts, p.dt, ledger ? &*ledger : nullptr,
+                       p.census, p.time()};
   return moraine::probe_row(view, wanted, p.probe_memory[probe]);
 }
 

@@ -46,8 +46,10 @@ Hash128 state_hash(const Particles& particles, const Contacts& contacts, std::ui
     start(Kind::grain);
     for (const FieldInfo& row : field_table) {
       if (!particles.has(row.field) || row.travel == Travel::never || row.field == Field::dissipated) continue;
-      if (row.type == FieldType::gid) words.push_back(particles.gid(i));
-      else if (row.type == FieldType::index) words.push_back(particles.material(i));
+      if (row.type == FieldType::gid)
+        words.push_back(particles.gid(i));
+      else if (row.type == FieldType::index)
+        words.push_back(particles.material(i));
       else
         for (int c = 0; c < row.components; ++c) words.push_back(word(particles.real(row.field, i, c)));
     }
@@ -55,15 +57,17 @@ Hash128 state_hash(const Particles& particles, const Contacts& contacts, std::ui
   }
   contacts.for_each_memory(particles, [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory& m) {
     start(Kind::pair);
-    words.insert(words.end(), {particles.gid(a), particles.gid(b), image, word(m.displacement[0]), word(m.displacement[1]), word(m.displacement[2])});
+    words.insert(words.end(), {particles.gid(a), particles.gid(b), image, word(m.displacement[0]),
+                               word(m.displacement[1]), word(m.displacement[2])});
     sum.add(words);
   });
   for (const WallCarry::Item& item : contacts.wall_carry().items) {
     const PairMemory& m = item.memory.memory;
     const Vec3 n = item.memory.normal;
     start(Kind::wall);
-    words.insert(words.end(), {particles.gid(item.grain), static_cast<std::uint64_t>(item.surface), word(n.x), word(n.y), word(n.z),
-                               word(m.displacement[0]), word(m.displacement[1]), word(m.displacement[2])});
+    words.insert(words.end(),
+                 {particles.gid(item.grain), static_cast<std::uint64_t>(item.surface), word(n.x), word(n.y), word(n.z),
+                  word(m.displacement[0]), word(m.displacement[1]), word(m.displacement[2])});
     sum.add(words);
   }
   return sum.value();

@@ -26,8 +26,8 @@ class Stopwatch {
     since_ = now;
   }
   std::vector<PhaseTime> table() const {
-    static constexpr const char* names[] = {"sort, pair list, wall candidates", "contacts and motion", "periodic faces, outlets",
-                                            "guard", "outside the step"};
+    static constexpr const char* names[] = {"sort, pair list, wall candidates", "contacts and motion",
+                                            "periodic faces, outlets", "guard", "outside the step"};
     std::vector<PhaseTime> rows;
     for (std::size_t i = 0; i < seconds_.size(); ++i) rows.push_back({names[i], seconds_[i]});
     return rows;

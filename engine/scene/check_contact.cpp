@@ -40,44 +40,43 @@ struct Combination {
   TangentialLaw tangential;
 };
 constexpr std::array listed_combinations = {
-    Combination{NormalLaw::linear, TangentialLaw::none},    Combination{NormalLaw::linear, TangentialLaw::viscous},
-    Combination{NormalLaw::linear, TangentialLaw::spring},  Combination{NormalLaw::linear, TangentialLaw::power},
-    Combination{NormalLaw::hertz, TangentialLaw::none},     Combination{NormalLaw::hertz, TangentialLaw::viscous},
-    Combination{NormalLaw::hertz, TangentialLaw::spring},   Combination{NormalLaw::hertz, TangentialLaw::mindlin},
+    Combination{NormalLaw::linear, TangentialLaw::none},   Combination{NormalLaw::linear, TangentialLaw::viscous},
+    Combination{NormalLaw::linear, TangentialLaw::spring}, Combination{NormalLaw::linear, TangentialLaw::power},
+    Combination{NormalLaw::hertz, TangentialLaw::none},    Combination{NormalLaw::hertz, TangentialLaw::viscous},
+    Combination{NormalLaw::hertz, TangentialLaw::spring},  Combination{NormalLaw::hertz, TangentialLaw::mindlin},
     Combination{NormalLaw::hertz, TangentialLaw::power},
 };
 
-constexpr std::string_view name_of(NormalLaw law) { return law == NormalLaw::linear ? "linear" : "hertz"; }
-constexpr std::string_view name_of(TangentialLaw law) {
-  constexpr std::array<std::string_view, 5> names = {"none", "viscous", "spring", "mindlin", "power"};
-  return names[static_cast<std::size_t>(law)];
-}
-
 /// How alike two tangential laws are: a law with history is nearest to another with history.
 int difference(TangentialLaw a, TangentialLaw b) {
-  const auto has_history = [](TangentialLaw law) { return law >= TangentialLaw::spring; };
   if (a == b) return 0;
   return has_history(a) == has_history(b) ? 1 : 2;
 }
 
 void check_combination(const ContactLaws& contact, Findings& found) {
-  const auto is_it = [&](const Combination& c) { return c.normal == contact.normal && c.tangential == contact.tangential; };
+  const auto is_it = [&](const Combination& c) {
+    return c.normal == contact.normal && c.tangential == contact.tangential;
+  };
   if (std::any_of(listed_combinations.begin(), listed_combinations.end(), is_it)) return;
-  const Combination* near = nullptr;         // same normal law, most alike tangential law
-  const Combination* other = nullptr;        // same tangential law
+  const Combination* near = nullptr;   // same normal law, most alike tangential law
+  const Combination* other = nullptr;  // same tangential law
   for (const Combination& c : listed_combinations) {
     if (c.tangential == contact.tangential) other = &c;
     if (c.normal != contact.normal) continue;
-    if (!near || difference(c.tangential, contact.tangential) < difference(near->tangential, contact.tangential)) near = &c;
+    if (!near || difference(c.tangential, contact.tangential) < difference(near->tangential, contact.tangential))
+      near = &c;
   }
   std::string listed;
   for (const Combination& c : listed_combinations)
-    if (c.normal == contact.normal) listed += fmt::format("{}\"{}\"", listed.empty() ? "" : ", ", name_of(c.tangential));
-  found.error("contact.tangential", "\"{}\" cannot be combined with normal = \"{}\"; nearest: normal = \"{}\" with tangential = "
-              "\"{}\"{}; with \"{}\" there are {}",
-              name_of(contact.tangential), name_of(contact.normal), name_of(near->normal), name_of(near->tangential),
-              other ? fmt::format(", or normal = \"{}\" with \"{}\"", name_of(other->normal), name_of(other->tangential)) : "",
-              name_of(contact.normal), listed);
+    if (c.normal == contact.normal)
+      listed += fmt::format("{}\"{}\"", listed.empty() ? "" : ", ", name_of(c.tangential));
+  found.error(
+      "contact.tangential",
+      "\"{}\" cannot be combined with normal = \"{}\"; nearest: normal = \"{}\" with tangential = "
+      "\"{}\"{}; with \"{}\" there are {}",
+      name_of(contact.tangential), name_of(contact.normal), name_of(near->normal), name_of(near->tangential),
+      other ? fmt::format(", or normal = \"{}\" with \"{}\"", name_of(other->normal), name_of(other->tangential)) : "",
+      name_of(contact.normal), listed);
 }
 
 /// An entry whose other name is misspelt may be the one that is missed.
@@ -85,7 +84,8 @@ bool may_be_misspelt(const Scene& scene, const std::string& a, const std::string
   const auto is_unknown = [&](const std::string& name) { return scene.material_index(name) < 0; };
   return std::any_of(scene.contact.pairs.begin(), scene.contact.pairs.end(), [&](const PairLaw& pair) {
     const auto& [first, second] = pair.between;
-    return (is_unknown(first) && (second == a || second == b || is_unknown(second))) || (is_unknown(second) && (first == a || first == b));
+    return (is_unknown(first) && (second == a || second == b || is_unknown(second))) ||
+           (is_unknown(second) && (first == a || first == b));
   });
 }
 
@@ -97,11 +97,13 @@ void check_pair_values(const ContactLaws& laws, const PairLaw& pair, const std::
   if (pair.tangential_stiffness) {
     found.positive(key + ".tangential_stiffness", *pair.tangential_stiffness, "N/m");
     if (laws.normal == NormalLaw::hertz && laws.tangential == TangentialLaw::power)
-      found.warning(key + ".tangential_stiffness", "is not used: with a Hertz contact the power law takes it from young and poisson");
+      found.warning(key + ".tangential_stiffness",
+                    "is not used: with a Hertz contact the power law takes it from young and poisson");
     else if (laws.tangential != TangentialLaw::spring && laws.tangential != TangentialLaw::power)
       found.warning(key + ".tangential_stiffness", "is not used by tangential = \"{}\"", name_of(laws.tangential));
   } else if (laws.normal == NormalLaw::hertz && laws.tangential == TangentialLaw::spring) {
-    found.error(key + ".tangential_stiffness", "missing: normal = \"hertz\" with tangential = \"spring\" needs it [N/m]; "
+    found.error(key + ".tangential_stiffness",
+                "missing: normal = \"hertz\" with tangential = \"spring\" needs it [N/m]; "
                 "tangential = \"mindlin\" takes it from young and poisson");
   }
   if (!(pair.restitution > 0.0 && pair.restitution <= 1.0))
@@ -144,16 +146,20 @@ void check_that_pairs_are_complete(const Scene& scene, const Uses& uses, Finding
       if (uses.grains.contains(partner) && partner < grain) continue;
       const std::string &a = scene.materials[grain].name, &b = scene.materials[partner].name;
       if (scene.pair_law(a, b) || may_be_misspelt(scene, a, b)) continue;
-      found.error("contact.pair", "missing for \"{0}\" and \"{1}\", which can meet; add [[contact.pair]] with "
-                  "between = [\"{0}\", \"{1}\"], or one without `between` for all pairs not named", a, b);
+      found.error("contact.pair",
+                  "missing for \"{0}\" and \"{1}\", which can meet; add [[contact.pair]] with "
+                  "between = [\"{0}\", \"{1}\"], or one without `between` for all pairs not named",
+                  a, b);
     }
 }
 
 }  // namespace
 
 void check_materials(const Scene& scene, Findings& found) {
-  if (scene.materials.empty()) found.error("material", "missing: a scene needs at least one [[material]] with name and density");
-  if (scene.materials.size() > 65535) found.error("material", "{} materials; at most 65535 are possible", scene.materials.size());
+  if (scene.materials.empty())
+    found.error("material", "missing: a scene needs at least one [[material]] with name and density");
+  if (scene.materials.size() > 65535)
+    found.error("material", "{} materials; at most 65535 are possible", scene.materials.size());
   const Uses uses = uses_of(scene);
   for (std::size_t i = 0; i < scene.materials.size(); ++i) {
     const Material& material = scene.materials[i];

@@ -43,7 +43,8 @@ double volume(const Region& region) {
 
 Box bounds(const Region& region) {
   if (const auto* box = std::get_if<BoxRegion>(&region)) return box->box;
-  if (const auto* sphere = std::get_if<SphereRegion>(&region)) return Box{sphere->centre, sphere->centre}.grown(sphere->radius);
+  if (const auto* sphere = std::get_if<SphereRegion>(&region))
+    return Box{sphere->centre, sphere->centre}.grown(sphere->radius);
   const auto& cylinder = std::get<CylinderRegion>(region);
   Box box = Box{cylinder.base, cylinder.base}.grown(cylinder.radius);
   box.low[cylinder.axis] = cylinder.base[cylinder.axis];
@@ -94,8 +95,8 @@ void check_room(const Region& region, double largest, const std::string& key, co
   const Vec3 size = bounds(region).size();
   for (int axis = 0; axis < 3; ++axis) {
     if ((axis == 2 && domain.dimensions == 2) || size[axis] >= largest) continue;
-    found.error(key, "is {:.6g} m wide along {}: too narrow for the largest diameter, {:.6g} m", size[axis], axis_names[axis],
-                largest);
+    found.error(key, "is {:.6g} m wide along {}: too narrow for the largest diameter, {:.6g} m", size[axis],
+                axis_names[axis], largest);
     return;
   }
 }
@@ -108,8 +109,9 @@ void check_random_fill(const Scene& scene, const ParticleGroup& group, const Ran
                 fill.count ? "both solid_fraction and count" : "neither solid_fraction nor count");
   if (fill.count && *fill.count < 1) found.error(key + ".count", "is {}; expected 1 or more", *fill.count);
   if (fill.solid_fraction && !(*fill.solid_fraction > 0.0 && *fill.solid_fraction < max_solid_fraction))
-    found.error(key + ".solid_fraction", "is {}; expected more than 0 and less than {} (random packings reach about 0.6)",
-                *fill.solid_fraction, max_solid_fraction);
+    found.error(key + ".solid_fraction",
+                "is {}; expected more than 0 and less than {} (random packings reach about 0.6)", *fill.solid_fraction,
+                max_solid_fraction);
   const double largest = diameter_range(group).second;
   if (!has_region || largest == 0.0) return;
   check_room(fill.region, largest, key + ".region", scene.domain, found);
@@ -117,8 +119,9 @@ void check_random_fill(const Scene& scene, const ParticleGroup& group, const Ran
   const double solids = static_cast<double>(*fill.count) * mean_cube(group.diameter) * std::numbers::pi / 6.0;
   const double fraction = solids / volume(fill.region);
   if (fraction >= max_solid_fraction)
-    found.error(key + ".count", "is {}: the grains would fill {:.3g} of the region, more than {}; at most {:.0f} can fit",
-                *fill.count, fraction, max_solid_fraction,
+    found.error(key + ".count",
+                "is {}: the grains would fill {:.3g} of the region, more than {}; at most {:.0f} can fit", *fill.count,
+                fraction, max_solid_fraction,
                 std::floor(static_cast<double>(*fill.count) * max_solid_fraction / fraction));
 }
 
@@ -128,7 +131,8 @@ void check_lattice_fill(const Scene& scene, const ParticleGroup& group, const La
   const double largest = diameter_range(group).second;
   if (has_region && largest > 0.0) check_room(fill.region, largest, key + ".region", scene.domain, found);
   if (found.not_negative(key + ".spacing", fill.spacing, "m") && fill.spacing > 0.0 && fill.spacing < largest)
-    found.error(key + ".spacing", "is {} m, less than the largest diameter, {:.6g} m: grains would overlap", fill.spacing, largest);
+    found.error(key + ".spacing", "is {} m, less than the largest diameter, {:.6g} m: grains would overlap",
+                fill.spacing, largest);
   if (!(fill.jitter >= 0.0 && fill.jitter <= 1.0))
     found.error(key + ".jitter", "is {}; expected 0 to 1, a share of the free gap", fill.jitter);
   if (fill.count && *fill.count < 1) found.error(key + ".count", "is {}; expected 1 or more", *fill.count);
@@ -167,7 +171,8 @@ void check_listed_grains(const Scene& scene, const ListedGrains& fill, const std
     return;
   }
   const auto report = [&](const Offenders& bad, const std::string& what) {
-    if (bad.count) found.error(key, "grain {}{} {} {}", bad.first, where_from(fill), what, count_of(bad.count, grains.size()));
+    if (bad.count)
+      found.error(key, "grain {}{} {} {}", bad.first, where_from(fill), what, count_of(bad.count, grains.size()));
   };
   const auto is_not_a_number = [](const GrainSeed& g) {
     return !is_finite(g.position) || !is_finite(g.velocity) || !is_finite(g.angular_velocity);
@@ -181,7 +186,8 @@ void check_listed_grains(const Scene& scene, const ListedGrains& fill, const std
       report(bad, fmt::format("is at {} m, outside the domain, {} m", text(grains[bad.first].position), text(domain)));
   }
   if (fill.has_radius) {
-    const Offenders bad = offenders(grains, [](const GrainSeed& g) { return !(std::isfinite(g.radius) && g.radius > 0.0); });
+    const Offenders bad =
+        offenders(grains, [](const GrainSeed& g) { return !(std::isfinite(g.radius) && g.radius > 0.0); });
     if (bad.count) report(bad, fmt::format("has a radius of {} m; expected more than 0", grains[bad.first].radius));
   }
   const Offenders bad = offenders(grains, [&](const GrainSeed& g) { return g.material >= scene.materials.size(); });
@@ -198,11 +204,13 @@ void check_sizes(const SizeDistribution& d, const std::string& key, Findings& fo
   }
   if (d.kind == Kind::list) {
     if (d.values.empty()) found.error(key + ".values", "is empty; list at least one diameter [m]");
-    for (std::size_t i = 0; i < d.values.size(); ++i) found.positive(fmt::format("{}.values[{}]", key, i), d.values[i], "m");
+    for (std::size_t i = 0; i < d.values.size(); ++i)
+      found.positive(fmt::format("{}.values[{}]", key, i), d.values[i], "m");
     for (std::size_t i = 0; i < d.weights.size(); ++i)
       found.not_negative(fmt::format("{}.weights[{}]", key, i), d.weights[i], "-");
     if (!d.weights.empty() && d.weights.size() != d.values.size())
-      found.error(key + ".weights", "has {} entries for {} values; expected one each", d.weights.size(), d.values.size());
+      found.error(key + ".weights", "has {} entries for {} values; expected one each", d.weights.size(),
+                  d.values.size());
     else if (!d.weights.empty() && !(std::accumulate(d.weights.begin(), d.weights.end(), 0.0) > 0.0))
       found.error(key + ".weights", "are all 0; at least one diameter must be wanted");
     return;
@@ -216,8 +224,8 @@ void check_sizes(const SizeDistribution& d, const std::string& key, Findings& fo
   const bool has_mean = found.positive(key + ".mean", d.mean, "m");
   if (!found.not_negative(key + ".deviation", d.deviation, "m") || !has_mean || !has_bounds) return;
   if (d.low > d.mean + 4.0 * d.deviation || d.high < d.mean - 4.0 * d.deviation)
-    found.error(key, "bounds {} to {} m leave out nearly all of a distribution of mean {} and deviation {} m", d.low, d.high, d.mean,
-                d.deviation);
+    found.error(key, "bounds {} to {} m leave out nearly all of a distribution of mean {} and deviation {} m", d.low,
+                d.high, d.mean, d.deviation);
 }
 
 /// Radius of a listed grain where it can be known before the sizes are drawn; 0 where not.
@@ -254,7 +262,8 @@ std::string name_of(const Scene& scene, std::pair<std::uint32_t, std::uint32_t> 
                      fill.source.empty() ? fmt::format("particles[{}]", origin.first) : fill.source);
 }
 std::string key_of(const Scene& scene, std::pair<std::uint32_t, std::uint32_t> origin) {
-  return key_of(std::get<ListedGrains>(scene.particles[origin.first].fill), fmt::format("particles[{}].fill", origin.first));
+  return key_of(std::get<ListedGrains>(scene.particles[origin.first].fill),
+                fmt::format("particles[{}].fill", origin.first));
 }
 
 void check_overlaps_of_grains(const Scene& scene, const ListedCensus& all, Findings& found) {
@@ -262,10 +271,11 @@ void check_overlaps_of_grains(const Scene& scene, const ListedCensus& all, Findi
   if (report.count == 0) return;
   const auto first = all.origin[static_cast<std::size_t>(report.first)];
   const auto second = all.origin[static_cast<std::size_t>(report.second)];
-  found.error(key_of(scene, second), "{} and {} overlap by {:.4g} m, {:.0f} % of the smaller radius; at most {:.0f} % is allowed at "
+  found.error(key_of(scene, second),
+              "{} and {} overlap by {:.4g} m, {:.0f} % of the smaller radius; at most {:.0f} % is allowed at "
               "the start ({} pair{} beyond it)",
-              name_of(scene, first), name_of(scene, second), report.overlap, 100.0 * report.relative, 100.0 * max_start_overlap,
-              report.count, report.count == 1 ? "" : "s");
+              name_of(scene, first), name_of(scene, second), report.overlap, 100.0 * report.relative,
+              100.0 * max_start_overlap, report.count, report.count == 1 ? "" : "s");
 }
 
 /// Flat walls that stand at the start, as planes that face the grains.
@@ -276,7 +286,8 @@ std::vector<std::pair<PlaneShape, std::size_t>> flat_walls(const Scene& scene) {
     if (wall.from > 0.0) continue;
     if (const auto* plane = std::get_if<PlaneShape>(&wall.shape)) {
       const double norm = length(plane->normal);
-      if (norm > 0.0 && std::isfinite(norm) && is_finite(plane->point)) planes.push_back({{plane->point, plane->normal / norm}, i});
+      if (norm > 0.0 && std::isfinite(norm) && is_finite(plane->point))
+        planes.push_back({{plane->point, plane->normal / norm}, i});
     } else if (const auto* shape = std::get_if<BoxShape>(&wall.shape)) {
       for (int axis = 0; axis < 3; ++axis) {
         Vec3 normal;
@@ -302,10 +313,11 @@ void check_overlaps_with_walls(const Scene& scene, const ListedCensus& all, Find
       if (relative > worst) worst = relative, which = i;
     }
     if (count == 0) continue;
-    found.error(key_of(scene, all.origin[which]), "{} reaches {:.4g} m, {:.0f} % of its radius, into wall \"{}\"; at most {:.0f} % is "
+    found.error(key_of(scene, all.origin[which]),
+                "{} reaches {:.4g} m, {:.0f} % of its radius, into wall \"{}\"; at most {:.0f} % is "
                 "allowed at the start ({} grain{} beyond it)",
-                name_of(scene, all.origin[which]), worst * all.spheres[which].radius, 100.0 * worst, scene.walls[wall].name,
-                100.0 * max_start_overlap, count, count == 1 ? "" : "s");
+                name_of(scene, all.origin[which]), worst * all.spheres[which].radius, 100.0 * worst,
+                scene.walls[wall].name, 100.0 * max_start_overlap, count, count == 1 ? "" : "s");
   }
 }
 
@@ -323,9 +335,12 @@ void check_group(const Scene& scene, const ParticleGroup& group, const std::stri
       group.angular_velocity != Vec3{})
     found.warning(key + ".angular_velocity", "does nothing with contact.rotation = false");
   if (scene.domain.dimensions == 2 && group.velocity.z != 0.0)
-    found.warning(key + ".velocity", "has a z component of {} m/s, which does nothing in two dimensions", group.velocity.z);
-  if (const auto* random = std::get_if<RandomFill>(&group.fill)) check_random_fill(scene, group, *random, key + ".fill", found);
-  if (const auto* lattice = std::get_if<LatticeFill>(&group.fill)) check_lattice_fill(scene, group, *lattice, key + ".fill", found);
+    found.warning(key + ".velocity", "has a z component of {} m/s, which does nothing in two dimensions",
+                  group.velocity.z);
+  if (const auto* random = std::get_if<RandomFill>(&group.fill))
+    check_random_fill(scene, group, *random, key + ".fill", found);
+  if (const auto* lattice = std::get_if<LatticeFill>(&group.fill))
+    check_lattice_fill(scene, group, *lattice, key + ".fill", found);
   if (listed) check_listed_grains(scene, *listed, key + ".fill", found);
 }
 

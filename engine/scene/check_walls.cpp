@@ -12,7 +12,8 @@ namespace {
 void check_direction(const std::string& key, Vec3 direction, Findings& found) {
   if (!found.finite(key, direction, "-")) return;
   const double norm = length(direction);
-  if (!(norm > 0.0 && std::isfinite(norm))) found.error(key, "is {}; expected a direction, which has a length", text(direction));
+  if (!(norm > 0.0 && std::isfinite(norm)))
+    found.error(key, "is {}; expected a direction, which has a length", text(direction));
 }
 
 void check_shape(const PlaneShape& plane, const std::string& key, const Domain&, Findings& found) {
@@ -20,7 +21,9 @@ void check_shape(const PlaneShape& plane, const std::string& key, const Domain&,
   check_direction(key + ".plane.normal", plane.normal, found);
 }
 
-void check_shape(const BoxShape& box, const std::string& key, const Domain&, Findings& found) { found.box(key + ".box", box.box); }
+void check_shape(const BoxShape& box, const std::string& key, const Domain&, Findings& found) {
+  found.box(key + ".box", box.box);
+}
 
 void check_shape(const CylinderShape& cylinder, const std::string& key, const Domain&, Findings& found) {
   found.finite(key + ".cylinder.base", cylinder.base, "m");
@@ -43,7 +46,8 @@ void check_shape(const DiscShape& disc, const std::string& key, const Domain&, F
   found.finite(key + ".disc.centre", disc.centre, "m");
   check_direction(key + ".disc.normal", disc.normal, found);
   const bool has_radius = found.positive(key + ".disc.radius", disc.radius, "m");
-  if (found.not_negative(key + ".disc.hole_radius", disc.hole_radius, "m") && has_radius && disc.hole_radius >= disc.radius)
+  if (found.not_negative(key + ".disc.hole_radius", disc.hole_radius, "m") && has_radius &&
+      disc.hole_radius >= disc.radius)
     found.error(key + ".disc.hole_radius", "is {}; expected less than radius = {} [m]", disc.hole_radius, disc.radius);
 }
 
@@ -63,7 +67,8 @@ void check_shape(const MeshShape& shape, const std::string& key, const Domain& d
   const auto is_bad = [n](const std::array<std::int32_t, 3>& t) {
     return std::any_of(t.begin(), t.end(), [n](std::int32_t corner) { return corner < 0 || corner >= n; });
   };
-  if (const auto bad = std::find_if(mesh.triangles.begin(), mesh.triangles.end(), is_bad); bad != mesh.triangles.end()) {
+  if (const auto bad = std::find_if(mesh.triangles.begin(), mesh.triangles.end(), is_bad);
+      bad != mesh.triangles.end()) {
     found.error(key + ".mesh", "triangle {} names a vertex that does not exist; the mesh has {} vertices",
                 bad - mesh.triangles.begin(), n);
     return;
@@ -71,8 +76,10 @@ void check_shape(const MeshShape& shape, const std::string& key, const Domain& d
   Box extent = Box::empty();
   for (const Vec3 vertex : mesh.vertices) extent.include(vertex);
   if (is_usable(domain) && !meets(extent, domain.box()))
-    found.warning(key + ".mesh", "reaches from {} m, nowhere inside the domain, {} m; mesh files often are in millimetres: "
-                  "scale = 0.001", text(extent), text(domain.box()));
+    found.warning(key + ".mesh",
+                  "reaches from {} m, nowhere inside the domain, {} m; mesh files often are in millimetres: "
+                  "scale = 0.001",
+                  text(extent), text(domain.box()));
 }
 
 constexpr std::string_view face_name(int face) {
@@ -81,7 +88,8 @@ constexpr std::string_view face_name(int face) {
 }
 
 constexpr std::string_view kind_name(Probe::Kind kind) {
-  constexpr std::array<std::string_view, 7> names = {"energy", "wall_force", "wall_pressure", "region", "mass", "profile", "contacts"};
+  constexpr std::array<std::string_view, 7> names = {"energy", "wall_force", "wall_pressure", "region",
+                                                     "mass",   "profile",    "contacts"};
   return names[static_cast<std::size_t>(kind)];
 }
 
@@ -111,9 +119,11 @@ void check_probe_kind(const Scene& scene, const Probe& probe, const std::string&
     for (const WallDefinition& wall : scene.walls) names.push_back(wall.name);
     if (std::find(names.begin(), names.end(), probe.wall) == names.end()) {
       if (probe.wall.empty())
-        found.error(key + ".wall", "missing: kind = \"{}\" needs the name of a wall; walls: {}", kind_name(probe.kind), listing(names));
+        found.error(key + ".wall", "missing: kind = \"{}\" needs the name of a wall; walls: {}", kind_name(probe.kind),
+                    listing(names));
       else
-        found.error(key + ".wall", "\"{}\" is not a wall{}; walls: {}", probe.wall, nearest(probe.wall, names), listing(names));
+        found.error(key + ".wall", "\"{}\" is not a wall{}; walls: {}", probe.wall, nearest(probe.wall, names),
+                    listing(names));
     }
   }
   if (has_bins && probe.bins < 1) found.error(key + ".bins", "is {}; expected 1 or more", probe.bins);
@@ -121,7 +131,8 @@ void check_probe_kind(const Scene& scene, const Probe& probe, const std::string&
     found.error(key + ".axis", "is {}; expected x, y or z (0, 1 or 2)", probe.axis);
   if ((probe.kind == Kind::region || probe.kind == Kind::profile) && found.box(key + ".region", probe.region) &&
       is_usable(scene.domain) && !meets(probe.region, scene.domain.box()))
-    found.error(key + ".region", "reaches from {} m, nowhere inside the domain, {} m", text(probe.region), text(scene.domain.box()));
+    found.error(key + ".region", "reaches from {} m, nowhere inside the domain, {} m", text(probe.region),
+                text(scene.domain.box()));
   if (probe.kind == Kind::energy && !scene.output.energy)
     found.error(key + ".kind", "\"energy\" needs the ledger: set output.energy = true");
 }
@@ -156,15 +167,16 @@ void check_outlets(const Scene& scene, Findings& found) {
     check_name(scene.outlets, i, "outlet", found);
     if (const auto* box = std::get_if<Box>(&outlet.where)) {
       if (found.box(key + ".box", *box) && is_usable(scene.domain) && !meets(*box, scene.domain.box()))
-        found.error(key + ".box", "reaches from {} m, nowhere inside the domain, {} m", text(*box), text(scene.domain.box()));
+        found.error(key + ".box", "reaches from {} m, nowhere inside the domain, {} m", text(*box),
+                    text(scene.domain.box()));
       continue;
     }
     const int face = std::get<int>(outlet.where);
     if (face < 0 || face > 5)
       found.error(key + ".face", "is {}; expected 0 to 5 (x-low, x-high, y-low, y-high, z-low, z-high)", face);
     else if (scene.domain.periodic[static_cast<std::size_t>(face / 2)])
-      found.error(key + ".face", "is \"{}\", but the domain is periodic along {}: nothing ever leaves there", face_name(face),
-                  axis_names[face / 2]);
+      found.error(key + ".face", "is \"{}\", but the domain is periodic along {}: nothing ever leaves there",
+                  face_name(face), axis_names[face / 2]);
   }
 }
 

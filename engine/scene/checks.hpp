@@ -84,11 +84,11 @@ struct ListedSphere {
   double radius = 0.0;
 };
 struct OverlapReport {
-  std::int64_t count = 0;       // pairs that overlap by more than the limit
-  std::int64_t first = -1;      // the worst of them, by overlap over the smaller radius; indices into the list
+  std::int64_t count = 0;   // pairs that overlap by more than the limit
+  std::int64_t first = -1;  // the worst of them, by overlap over the smaller radius; indices into the list
   std::int64_t second = -1;
-  double overlap = 0.0;         // [m]
-  double relative = 0.0;        // [-] overlap over the smaller radius
+  double overlap = 0.0;   // [m]
+  double relative = 0.0;  // [-] overlap over the smaller radius
 };
 /// Pairs whose overlap exceeds `limit` times the smaller radius; periodic images count. Time grows as the number of spheres.
 OverlapReport find_overlaps(const std::vector<ListedSphere>& spheres, const Domain& domain, double limit);

@@ -30,9 +30,9 @@ class Level {
     for (int iz = 0; iz < n_cells[2]; ++iz)
       for (int iy = 0; iy < n_cells[1]; ++iy)
         for (int ix = 0; ix < n_cells[0]; ++ix) {
-          const auto cell = static_cast<std::size_t>((cells[2][static_cast<std::size_t>(iz)] * n_[1] +
-                                                      cells[1][static_cast<std::size_t>(iy)]) * n_[0] +
-                                                     cells[0][static_cast<std::size_t>(ix)]);
+          const auto cell = static_cast<std::size_t>(
+              (cells[2][static_cast<std::size_t>(iz)] * n_[1] + cells[1][static_cast<std::size_t>(iy)]) * n_[0] +
+              cells[0][static_cast<std::size_t>(ix)]);
           for (std::int64_t k = start_[cell]; k < start_[cell + 1]; ++k) visit(order_[static_cast<std::size_t>(k)]);
         }
   }
@@ -44,7 +44,8 @@ class Level {
     Box extent = Box::empty();
     for (const std::int64_t i : members) extent.include(spheres_[static_cast<std::size_t>(i)].centre);
     for (int axis = 0; axis < 3; ++axis)
-      if (domain_.periodic[static_cast<std::size_t>(axis)]) extent.low[axis] = domain_.low[axis], extent.high[axis] = domain_.high[axis];
+      if (domain_.periodic[static_cast<std::size_t>(axis)])
+        extent.low[axis] = domain_.low[axis], extent.high[axis] = domain_.high[axis];
     low_ = extent.low;
     // Wider cells where the grains are sparse, so that cells stay about as many as grains.
     const double most = 2.0 * static_cast<double>(members.size()) + 64.0;
@@ -147,8 +148,9 @@ OverlapReport find_overlaps(const std::vector<ListedSphere>& spheres, const Doma
     if (!(relative > limit)) return;
     ++report.count;
     const std::int64_t first = std::min(i, j), second = std::max(i, j);
-    const bool is_worse = relative > report.relative ||
-                          (relative == report.relative && std::pair(first, second) < std::pair(report.first, report.second));
+    const bool is_worse =
+        relative > report.relative ||
+        (relative == report.relative && std::pair(first, second) < std::pair(report.first, report.second));
     if (!is_worse) return;
     report.first = first, report.second = second;
     report.overlap = overlap, report.relative = relative;

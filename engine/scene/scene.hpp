@@ -22,39 +22,39 @@ namespace moraine {
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
 struct Domain {
-  Vec3 low;                                            // [m]
-  Vec3 high;                                           // [m]
+  Vec3 low;   // [m]
+  Vec3 high;  // [m]
   std::array<bool, 3> periodic = {false, false, false};
-  int dimensions = 3;                                  // 2: the z components of motion are frozen
+  int dimensions = 3;  // 2: the z components of motion are frozen
   Box box() const { return {low, high}; }
 };
 
 struct TimeControl {
-  double end = 0.0;                  // [s]
-  std::optional<double> step;        // [s]; none: chosen from the stiffest contact
-  double steps_per_contact = 50.0;   // [-] with an automatic step: steps in the shortest contact
-  double max_speed = 0.0;            // [m/s] fastest approach to expect, for Hertz contacts; 0: estimated from the scene
-  Vec3 gravity;                      // [m/s2]
-  double damping = 0.0;              // [1/s] bulk viscosity c: F = -c m v
+  double end = 0.0;                 // [s]
+  std::optional<double> step;       // [s]; none: chosen from the stiffest contact
+  double steps_per_contact = 50.0;  // [-] with an automatic step: steps in the shortest contact
+  double max_speed = 0.0;           // [m/s] fastest approach to expect, for Hertz contacts; 0: estimated from the scene
+  Vec3 gravity;                     // [m/s2]
+  double damping = 0.0;             // [1/s] bulk viscosity c: F = -c m v
 };
 
 struct Material {
   std::string name;
-  double density = 0.0;              // [kg/m3]
-  double young = 0.0;                // [Pa]; needed by Hertz contacts
-  double poisson = 0.3;              // [-]
+  double density = 0.0;  // [kg/m3]
+  double young = 0.0;    // [Pa]; needed by Hertz contacts
+  double poisson = 0.3;  // [-]
 };
 
 /// Contact parameters of one pair of materials.
 struct PairLaw {
   std::array<std::string, 2> between;
-  double normal_stiffness = 0.0;                  // [N/m]; linear normal law
-  std::optional<double> tangential_stiffness;     // [N/m]; spring and power; none: 2/7 of the normal one (linear only)
-  double restitution = 1.0;                       // [-] normal, in (0, 1]
-  double friction = 0.0;                          // [-] Coulomb's coefficient
-  std::optional<double> tangential_damping;       // [-] tangential dashpot over the normal one (linear; none: 0.5), or over
-                                                  //     the one that matches the tangential spring (Hertz; none: 1)
-  double tangential_viscosity = 0.0;              // [N s/m]; viscous tangential law
+  double normal_stiffness = 0.0;               // [N/m]; linear normal law
+  std::optional<double> tangential_stiffness;  // [N/m]; spring and power; none: 2/7 of the normal one (linear only)
+  double restitution = 1.0;                    // [-] normal, in (0, 1]
+  double friction = 0.0;                       // [-] Coulomb's coefficient
+  std::optional<double> tangential_damping;  // [-] tangential dashpot over the normal one (linear; none: 0.5), or over
+                                             //     the one that matches the tangential spring (Hertz; none: 1)
+  double tangential_viscosity = 0.0;         // [N s/m]; viscous tangential law
   std::optional<double> tangential_displacement;  // [m] delta_max of the power law; none: 1.5 mu F_N / k_t
 };
 
@@ -69,17 +69,27 @@ struct ContactLaws {
 struct SizeDistribution {
   enum class Kind { single, uniform, normal, lognormal, list };
   Kind kind = Kind::single;
-  double value = 0.0;               // single: the diameter
-  double low = 0.0, high = 0.0;     // bounds of uniform; truncation of normal and lognormal
+  double value = 0.0;                  // single: the diameter
+  double low = 0.0, high = 0.0;        // bounds of uniform; truncation of normal and lognormal
   double mean = 0.0, deviation = 0.0;  // normal, lognormal: mean and standard deviation of the diameter
-  std::vector<double> values;       // list: diameters ...
-  std::vector<double> weights;      // ... and their shares by number (need not add up to 1)
+  std::vector<double> values;          // list: diameters ...
+  std::vector<double> weights;         // ... and their shares by number (need not add up to 1)
 };
 
 /// A part of space to be filled. `axis` of a cylinder: 0, 1, 2 for x, y, z.
-struct BoxRegion { Box box; };
-struct CylinderRegion { Vec3 base; int axis = 2; double radius = 0.0; double length = 0.0; };
-struct SphereRegion { Vec3 centre; double radius = 0.0; };
+struct BoxRegion {
+  Box box;
+};
+struct CylinderRegion {
+  Vec3 base;
+  int axis = 2;
+  double radius = 0.0;
+  double length = 0.0;
+};
+struct SphereRegion {
+  Vec3 centre;
+  double radius = 0.0;
+};
 using Region = std::variant<BoxRegion, CylinderRegion, SphereRegion>;
 
 /// Random positions without overlap, to a solid fraction or a count (exactly one of them is given).
@@ -93,65 +103,89 @@ struct LatticeFill {
   enum class Kind { cubic, hexagonal };
   Kind kind = Kind::cubic;
   Region region;
-  double spacing = 0.0;                  // [m]; 0: largest diameter times 1.001
-  double jitter = 0.0;                   // [-] 0 to 1
-  std::optional<std::int64_t> count;     // stop after so many
+  double spacing = 0.0;               // [m]; 0: largest diameter times 1.001
+  double jitter = 0.0;                // [-] 0 to 1
+  std::optional<std::int64_t> count;  // stop after so many
 };
 
 /// One grain at birth.
 struct GrainSeed {
-  Vec3 position;                         // [m]
-  Vec3 velocity;                         // [m/s]
-  Vec3 angular_velocity;                 // [rad/s]
-  double radius = 0.0;                   // [m]
-  std::uint16_t material = 0;            // index into Scene::materials
+  Vec3 position;               // [m]
+  Vec3 velocity;               // [m/s]
+  Vec3 angular_velocity;       // [rad/s]
+  double radius = 0.0;         // [m]
+  std::uint16_t material = 0;  // index into Scene::materials
 };
 /// Grains read from a file or listed in the scene. Columns that the source did not have are taken from the group.
 struct ListedGrains {
-  std::string source;                    // file name, for messages; empty: listed in the scene
+  std::string source;  // file name, for messages; empty: listed in the scene
   std::vector<GrainSeed> grains;
   bool has_radius = false;
-  bool has_velocity = false;             // of both velocities
-  bool has_material = false;             // the material of a group, where it has one, goes before that of its grains
+  bool has_velocity = false;  // of both velocities
+  bool has_material = false;  // the material of a group, where it has one, goes before that of its grains
 };
 
 struct ParticleGroup {
   std::string material;
   SizeDistribution diameter;
   std::variant<RandomFill, LatticeFill, ListedGrains> fill;
-  Vec3 velocity;                         // [m/s]
-  double velocity_deviation = 0.0;       // [m/s] standard deviation of each velocity component around `velocity`
-  Vec3 angular_velocity;                 // [rad/s]
+  Vec3 velocity;                    // [m/s]
+  double velocity_deviation = 0.0;  // [m/s] standard deviation of each velocity component around `velocity`
+  Vec3 angular_velocity;            // [rad/s]
   std::uint64_t seed = 1;
 };
 
 struct TriangleMesh {
-  std::vector<Vec3> vertices;                         // [m]
-  std::vector<std::array<std::int32_t, 3>> triangles; // indices into vertices
+  std::vector<Vec3> vertices;                          // [m]
+  std::vector<std::array<std::int32_t, 3>> triangles;  // indices into vertices
 };
 
 /// Wall shapes. Grains touch a plane from the side its normal points to; every other shape from either side.
-struct PlaneShape { Vec3 point; Vec3 normal{0, 0, 1}; };
-struct BoxShape { Box box; };                                    // six planes that face inwards
-struct CylinderShape { Vec3 base; Vec3 axis{0, 0, 1}; double radius = 0.0; double length = 0.0; };  // lateral surface from base along axis
-struct ConeShape { Vec3 base; Vec3 axis{0, 0, 1}; double radius_base = 0.0; double radius_top = 0.0; double length = 0.0; };
-struct DiscShape { Vec3 centre; Vec3 normal{0, 0, 1}; double radius = 0.0; double hole_radius = 0.0; };
-struct MeshShape { std::string file; TriangleMesh mesh; };
+struct PlaneShape {
+  Vec3 point;
+  Vec3 normal{0, 0, 1};
+};
+struct BoxShape {
+  Box box;
+};  // six planes that face inwards
+struct CylinderShape {
+  Vec3 base;
+  Vec3 axis{0, 0, 1};
+  double radius = 0.0;
+  double length = 0.0;
+};  // lateral surface from base along axis
+struct ConeShape {
+  Vec3 base;
+  Vec3 axis{0, 0, 1};
+  double radius_base = 0.0;
+  double radius_top = 0.0;
+  double length = 0.0;
+};
+struct DiscShape {
+  Vec3 centre;
+  Vec3 normal{0, 0, 1};
+  double radius = 0.0;
+  double hole_radius = 0.0;
+};
+struct MeshShape {
+  std::string file;
+  TriangleMesh mesh;
+};
 
 struct WallDefinition {
   std::string name;
   std::string material;
   std::variant<PlaneShape, BoxShape, CylinderShape, ConeShape, DiscShape, MeshShape> shape;
   bool frictionless = false;
-  bool symmetry = false;                 // planes only: a mirror; grains meet their own image, without friction
-  double from = 0.0;                     // [s] the wall exists from this time ...
-  double until = infinity;               // [s] ... until this time
+  bool symmetry = false;    // planes only: a mirror; grains meet their own image, without friction
+  double from = 0.0;        // [s] the wall exists from this time ...
+  double until = infinity;  // [s] ... until this time
 };
 
 /// Grains whose centre passes a domain face, or lies in a box, leave the scene.
 struct Outlet {
   std::string name;
-  std::variant<int, Box> where;          // face: 0 x-low, 1 x-high, 2 y-low, 3 y-high, 4 z-low, 5 z-high
+  std::variant<int, Box> where;  // face: 0 x-low, 1 x-high, 2 y-low, 3 y-high, 4 z-low, 5 z-high
 };
 
 /// Time series written to NAME.csv in the run directory.
@@ -168,29 +202,29 @@ struct Probe {
   Kind kind = Kind::energy;
   std::string name;
   std::string wall;
-  Box region;                            // [m]
+  Box region;  // [m]
   int axis = 2;
   int bins = 1;
-  double interval = 0.0;                 // [s]
+  double interval = 0.0;  // [s]
 };
 
 struct Output {
-  std::string directory;                 // empty: runs/NAME of the scene file
-  double snapshot_interval = 0.0;        // [s]; 0: none but the last
-  double checkpoint_interval = 0.0;      // [s] of simulated time; 0: only at the end and on signals
+  std::string directory;             // empty: runs/NAME of the scene file
+  double snapshot_interval = 0.0;    // [s]; 0: none but the last
+  double checkpoint_interval = 0.0;  // [s] of simulated time; 0: only at the end and on signals
   int checkpoints_kept = 2;
-  std::vector<std::string> fields;       // of snapshots; empty: all that travel
-  bool energy = false;                   // keep the energy ledger
+  std::vector<std::string> fields;  // of snapshots; empty: all that travel
+  bool energy = false;              // keep the energy ledger
   std::vector<Probe> probes;
 };
 
 enum class Precision { double_, mixed };
 
 struct RunControl {
-  std::string layout = "auto";           // ranks x threads
+  std::string layout = "auto";  // ranks x threads
   Precision precision = Precision::double_;
-  double skin = 0.0;                     // [m]; 0: chosen
-  double max_overlap = 0.5;              // [-] of the smaller radius; beyond it the run stops
+  double skin = 0.0;         // [m]; 0: chosen
+  double max_overlap = 0.5;  // [-] of the smaller radius; beyond it the run stops
 };
 
 struct Scene {

@@ -32,7 +32,8 @@ bool Findings::box(const std::string& key, const Box& box) {
 
 bool is_usable(const Domain& domain) {
   for (int axis = 0; axis < 3; ++axis)
-    if (!std::isfinite(domain.low[axis]) || !std::isfinite(domain.high[axis]) || !(domain.low[axis] < domain.high[axis]))
+    if (!std::isfinite(domain.low[axis]) || !std::isfinite(domain.high[axis]) ||
+        !(domain.low[axis] < domain.high[axis]))
       return false;
   return true;
 }
@@ -101,10 +102,11 @@ void check_domain(const Scene& scene, Findings& found) {
     if (!domain.periodic[static_cast<std::size_t>(axis)]) continue;
     const double width = domain.high[axis] - domain.low[axis];
     if (width >= largest) continue;
-    found.error(fmt::format("domain.periodic[{}]", axis),
-                "is true, but the domain is {:.6g} m wide along {} and the largest grain (particles[{}]) has a diameter of "
-                "{:.6g} m: it would touch itself; make the domain at least that wide",
-                width, axis_names[axis], group, largest);
+    found.error(
+        fmt::format("domain.periodic[{}]", axis),
+        "is true, but the domain is {:.6g} m wide along {} and the largest grain (particles[{}]) has a diameter of "
+        "{:.6g} m: it would touch itself; make the domain at least that wide",
+        width, axis_names[axis], group, largest);
   }
 }
 
@@ -118,7 +120,8 @@ void check_time(const Scene& scene, Findings& found) {
       found.error("time.steps_per_contact", "is {}; a contact cannot be followed in fewer than 5 steps, 50 are usual",
                   time.steps_per_contact);
     else if (time.steps_per_contact < 15.0)
-      found.warning("time.steps_per_contact", "is {}; with fewer than 15 steps a contact gains or loses energy, 50 are usual",
+      found.warning("time.steps_per_contact",
+                    "is {}; with fewer than 15 steps a contact gains or loses energy, 50 are usual",
                     time.steps_per_contact);
   }
   found.not_negative("time.max_speed", time.max_speed, "m/s");
@@ -133,8 +136,10 @@ void check_that_something_holds_the_grains(const Scene& scene, Findings& found) 
   for (int axis = 0; axis < 3; ++axis) {
     if (scene.time.gravity[axis] == 0.0 || scene.domain.periodic[static_cast<std::size_t>(axis)]) continue;
     if (axis == 2 && scene.domain.dimensions == 2) continue;
-    found.warning("wall", "missing: gravity pulls along {}, and neither a wall nor an outlet stands in the way; "
-                  "grains that leave the domain stop the run", axis_names[axis]);
+    found.warning("wall",
+                  "missing: gravity pulls along {}, and neither a wall nor an outlet stands in the way; "
+                  "grains that leave the domain stop the run",
+                  axis_names[axis]);
   }
 }
 
@@ -179,7 +184,8 @@ void check_run(const Scene& scene, Findings& found) {
     found.error("run.precision", "\"mixed\" is not available yet in this version; use \"double\"");
   found.not_negative("run.skin", run.skin, "m");
   if (!(run.max_overlap > 0.0 && run.max_overlap <= 1.0))
-    found.error("run.max_overlap", "is {}; expected more than 0 and at most 1 (a share of the smaller radius)", run.max_overlap);
+    found.error("run.max_overlap", "is {}; expected more than 0 and at most 1 (a share of the smaller radius)",
+                run.max_overlap);
 }
 
 }  // namespace

@@ -25,10 +25,11 @@ TriangleMesh load_mesh(const std::filesystem::path& file, double scale = 1.0, Ve
 /// What a list of grains needs to know of the scene around it.
 struct GrainFileContext {
   std::vector<std::string> materials;  // names, in the order of Scene::materials
-  std::optional<std::uint16_t> material;  // of all grains, whatever the file says; none: from the file, 0 where it has none
-  Vec3 velocity;                       // [m/s] of grains of a file that gives spins only
-  Vec3 angular_velocity;               // [rad/s] of grains whose spin the file does not give
-  std::optional<double> z;             // [m] of grains of a file without z; none: z is required
+  std::optional<std::uint16_t>
+      material;             // of all grains, whatever the file says; none: from the file, 0 where it has none
+  Vec3 velocity;            // [m/s] of grains of a file that gives spins only
+  Vec3 angular_velocity;    // [rad/s] of grains whose spin the file does not give
+  std::optional<double> z;  // [m] of grains of a file without z; none: z is required
 };
 
 /// Reads a list of grains. By the ending of the file:

@@ -51,7 +51,8 @@ class SnapshotReader {
   }
 
   bool has(const std::string& name) const {
-    return H5Lexists(file_, "/particles", H5P_DEFAULT) > 0 && H5Lexists(file_, ("/particles/" + name).c_str(), H5P_DEFAULT) > 0;
+    return H5Lexists(file_, "/particles", H5P_DEFAULT) > 0 &&
+           H5Lexists(file_, ("/particles/" + name).c_str(), H5P_DEFAULT) > 0;
   }
 
   /// Rows of `components` doubles; `rows` is the number expected, or -1 for any.
@@ -70,9 +71,11 @@ class SnapshotReader {
     H5Sget_simple_extent_dims(space, size, nullptr);
     if (size[1] != static_cast<hsize_t>(components))
       fail(fmt::format("has {} columns; expected {}", size[1], components));
-    if (rows >= 0 && size[0] != static_cast<hsize_t>(rows)) fail(fmt::format("has {} rows; position has {}", size[0], rows));
+    if (rows >= 0 && size[0] != static_cast<hsize_t>(rows))
+      fail(fmt::format("has {} rows; position has {}", size[0], rows));
     const Handle type(H5Dget_type(dataset), H5Tclose);
-    if (const H5T_class_t kind = H5Tget_class(type); kind != H5T_FLOAT && kind != H5T_INTEGER) fail("does not hold numbers");
+    if (const H5T_class_t kind = H5Tget_class(type); kind != H5T_FLOAT && kind != H5T_INTEGER)
+      fail("does not hold numbers");
     std::vector<double> values(static_cast<std::size_t>(size[0] * size[1]));
     if (!values.empty() && H5Dread(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
       fail("cannot be read; the file is damaged");
@@ -84,12 +87,16 @@ class SnapshotReader {
   Handle file_;
 };
 
-Vec3 row(const std::vector<double>& values, std::size_t i) { return {values[3 * i], values[3 * i + 1], values[3 * i + 2]}; }
+Vec3 row(const std::vector<double>& values, std::size_t i) {
+  return {values[3 * i], values[3 * i + 1], values[3 * i + 2]};
+}
 
-std::uint16_t material_number(double value, std::size_t grain, const GrainFileContext& context, const std::filesystem::path& file) {
+std::uint16_t material_number(double value, std::size_t grain, const GrainFileContext& context,
+                              const std::filesystem::path& file) {
   if (value >= 0.0 && value < static_cast<double>(context.materials.size())) return static_cast<std::uint16_t>(value);
-  throw FileError(fmt::format("dataset /particles/material: grain {} has material number {}, the scene has {} materials: {}", grain, value,
-                              context.materials.size(), file.string()));
+  throw FileError(
+      fmt::format("dataset /particles/material: grain {} has material number {}, the scene has {} materials: {}", grain,
+                  value, context.materials.size(), file.string()));
 }
 
 }  // namespace

@@ -20,10 +20,10 @@ struct ColumnName {
   Column column;
 };
 constexpr ColumnName column_names[] = {
-    {"x", Column::x},         {"y", Column::y},         {"z", Column::z},          {"r", Column::r},
-    {"d", Column::d},         {"vx", Column::vx},       {"vy", Column::vy},        {"vz", Column::vz},
-    {"wx", Column::wx},       {"wy", Column::wy},       {"wz", Column::wz},        {"material", Column::material},
-    {"radius", Column::r},    {"diameter", Column::d},
+    {"x", Column::x},      {"y", Column::y},        {"z", Column::z},   {"r", Column::r},
+    {"d", Column::d},      {"vx", Column::vx},      {"vy", Column::vy}, {"vz", Column::vz},
+    {"wx", Column::wx},    {"wy", Column::wy},      {"wz", Column::wz}, {"material", Column::material},
+    {"radius", Column::r}, {"diameter", Column::d},
 };
 constexpr const char* known_columns = "x, y, z, r or d, vx, vy, vz, wx, wy, wz, material";
 
@@ -79,7 +79,8 @@ char separator_of(std::string_view header) {
 
 std::string lower(std::string_view text) {
   std::string out(text);
-  std::transform(out.begin(), out.end(), out.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
+  std::transform(out.begin(), out.end(), out.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
   return out;
 }
 
@@ -114,14 +115,16 @@ class TableReader {
  private:
   bool has(Column column) const { return column_of_[static_cast<std::size_t>(column)] >= 0; }
 
-  [[noreturn]] void fail_file(const std::string& what) const { throw FileError(fmt::format("{}: {}", what, file_.string())); }
+  [[noreturn]] void fail_file(const std::string& what) const {
+    throw FileError(fmt::format("{}: {}", what, file_.string()));
+  }
   [[noreturn]] void fail_header(const std::string& what) const {
     throw FileError(fmt::format("{}:{}: {}", file_.string(), line_number_, what));
   }
   void complain(std::size_t column, const std::string& what) {
     if (++n_problems_ > 10) return;
-    problems_ += fmt::format("{}{}:{}: column {} (\"{}\"): {}", problems_.empty() ? "" : "\n", file_.string(), line_number_, column + 1,
-                             column < header_.size() ? header_[column] : "", what);
+    problems_ += fmt::format("{}{}:{}: column {} (\"{}\"): {}", problems_.empty() ? "" : "\n", file_.string(),
+                             line_number_, column + 1, column < header_.size() ? header_[column] : "", what);
   }
   std::string problem_text() const {
     return n_problems_ > 10 ? fmt::format("{}\nand {} more", problems_, n_problems_ - 10) : problems_;
@@ -139,13 +142,16 @@ class TableReader {
         name = std::string(trimmed(std::string_view(name).substr(0, bracket)));
       }
       header_.push_back(name);
-      const auto* known = std::find_if(std::begin(column_names), std::end(column_names), [&](const auto& c) { return c.name == name; });
+      const auto* known =
+          std::find_if(std::begin(column_names), std::end(column_names), [&](const auto& c) { return c.name == name; });
       if (known == std::end(column_names))
-        fail_header(fmt::format("column {}: \"{}\" is not a known column; expected {}", i + 1, std::string(cells_[i]), known_columns));
+        fail_header(fmt::format("column {}: \"{}\" is not a known column; expected {}", i + 1, std::string(cells_[i]),
+                                known_columns));
       if (!unit.empty() && unit != unit_of(known->column))
         fail_header(fmt::format("column {}: \"{}\" is in {}; expected {}", i + 1, name, unit, unit_of(known->column)));
       int& index = column_of_[static_cast<std::size_t>(known->column)];
-      if (index >= 0) fail_header(fmt::format("column {}: \"{}\" was there before, as column {}", i + 1, name, index + 1));
+      if (index >= 0)
+        fail_header(fmt::format("column {}: \"{}\" was there before, as column {}", i + 1, name, index + 1));
       index = static_cast<int>(i);
     }
     check_header();
@@ -237,8 +243,10 @@ ListedGrains load_grains(const std::filesystem::path& file, const GrainFileConte
   if (ending == ".h5" || ending == ".hdf5") return files::load_grain_hdf5(file, context);
   for (const char* known : {".csv", ".txt", ".dat", ".csv.gz", ".txt.gz", ".dat.gz"})
     if (ending == known) return files::load_grain_table(file, context);
-  throw FileError(fmt::format("\"{}\" is not a kind of grain list that can be read; expected .csv, .txt or .dat (each also with "
-                              ".gz), .h5 or .hdf5: {}", ending, file.string()));
+  throw FileError(
+      fmt::format("\"{}\" is not a kind of grain list that can be read; expected .csv, .txt or .dat (each also with "
+                  ".gz), .h5 or .hdf5: {}",
+                  ending, file.string()));
 }
 
 }  // namespace moraine

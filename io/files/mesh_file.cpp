@@ -22,15 +22,18 @@ void expect_readable(const std::filesystem::path& file) {
   std::error_code error;
   const auto status = std::filesystem::status(file, error);
   if (!std::filesystem::exists(status)) throw FileError(fmt::format("no such file: {}", file.string()));
-  if (std::filesystem::is_directory(status)) throw FileError(fmt::format("is a directory, not a file: {}", file.string()));
-  if (!std::ifstream(file)) throw FileError(fmt::format("cannot be read ({}): {}", std::strerror(errno), file.string()));
+  if (std::filesystem::is_directory(status))
+    throw FileError(fmt::format("is a directory, not a file: {}", file.string()));
+  if (!std::ifstream(file))
+    throw FileError(fmt::format("cannot be read ({}): {}", std::strerror(errno), file.string()));
   if (std::filesystem::is_regular_file(status) && std::filesystem::file_size(file, error) == 0)
     throw FileError(fmt::format("the file is empty: {}", file.string()));
 }
 
 std::string ending_of(const std::filesystem::path& file) {
   std::string name = file.filename().string();
-  std::transform(name.begin(), name.end(), name.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
+  std::transform(name.begin(), name.end(), name.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
   std::size_t dot = name.rfind('.');
   if (dot == std::string::npos) return "";
   if (name.substr(dot) == ".gz" && dot > 0) dot = std::min(dot, name.rfind('.', dot - 1));
@@ -91,7 +94,9 @@ class Welder {
   std::vector<std::int32_t> next_;
 };
 
-Vec3 to_vec3(const aiVector3D& v) { return {static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z)}; }
+Vec3 to_vec3(const aiVector3D& v) {
+  return {static_cast<double>(v.x), static_cast<double>(v.y), static_cast<double>(v.z)};
+}
 
 double largest_coordinate(const aiScene& scene) {
   double largest = 0.0;
@@ -121,7 +126,8 @@ void check_binary_stl(const std::filesystem::path& file) {
   const auto size = static_cast<std::uint64_t>(std::filesystem::file_size(file));
   const bool looks_ascii = std::string(header, header + 5) == "solid";
   if (in.gcount() < 84) {
-    if (!looks_ascii) throw FileError(fmt::format("is not an STL file: {} bytes, too few for any triangle: {}", size, file.string()));
+    if (!looks_ascii)
+      throw FileError(fmt::format("is not an STL file: {} bytes, too few for any triangle: {}", size, file.string()));
     return;
   }
   std::uint32_t count = 0;
@@ -129,8 +135,8 @@ void check_binary_stl(const std::filesystem::path& file) {
   const std::uint64_t expected = 84 + 50ULL * count;
   if (looks_ascii || size == expected) return;
   if (size < expected)
-    throw FileError(fmt::format("the file was cut short: {} triangles need {} bytes, it has {}: {}", count, expected, size,
-                                file.string()));
+    throw FileError(fmt::format("the file was cut short: {} triangles need {} bytes, it has {}: {}", count, expected,
+                                size, file.string()));
 }
 
 /// The message of the importer, without its own markers.
@@ -145,12 +151,15 @@ TriangleMesh load_mesh(const std::filesystem::path& file, double scale, Vec3 tra
   files::expect_readable(file);
   const std::string ending = files::ending_of(file);
   if (ending != ".stl" && ending != ".obj")
-    throw FileError(fmt::format("\"{}\" is not a kind of mesh file that can be read; expected .stl or .obj: {}", ending, file.string()));
+    throw FileError(fmt::format("\"{}\" is not a kind of mesh file that can be read; expected .stl or .obj: {}", ending,
+                                file.string()));
   if (ending == ".stl") check_binary_stl(file);
 
   Assimp::Importer importer;
   const aiScene* scene = importer.ReadFile(file.string(), aiProcess_Triangulate);
-  if (!scene) throw FileError(fmt::format("cannot be understood as a mesh: {}: {}", reason(importer.GetErrorString()), file.string()));
+  if (!scene)
+    throw FileError(
+        fmt::format("cannot be understood as a mesh: {}: {}", reason(importer.GetErrorString()), file.string()));
   expect_finite(*scene, file);
 
   const double tolerance = std::max(largest_coordinate(*scene) * 0x1p-21, std::numeric_limits<double>::min() * 1e20);

@@ -38,7 +38,8 @@ std::size_t insertion_point(const std::string& text, const Node& table, bool is_
     int first = 1 << 30;
     for (const Member& member : table.members) {
       first = std::min(first, member.place.line);
-      if (member.value.kind == Node::Kind::list && !member.value.items.empty()) first = std::min(first, member.value.items[0].begin.line);
+      if (member.value.kind == Node::Kind::list && !member.value.items.empty())
+        first = std::min(first, member.value.items[0].begin.line);
     }
     return offset_of(text, {0, first, 1});
   }
@@ -61,11 +62,12 @@ std::string edited(const std::string& text, const Path& path, const Node& wanted
   const bool is_open_table = found.node->kind == Node::Kind::table && !found.node->is_inline;
   if (is_new_entry(found, path)) {
     const Path list(path.begin(), path.begin() + static_cast<std::ptrdiff_t>(found.n_steps));
-    return fmt::format("{}{}\n[[{}]]\n{} = {}\n", text, text.empty() || text.back() == '\n' ? "" : "\n", path_text(list),
-                       dotted(path, found.n_steps + 1), to_text(*follow(wanted, path).node));
+    return fmt::format("{}{}\n[[{}]]\n{} = {}\n", text, text.empty() || text.back() == '\n' ? "" : "\n",
+                       path_text(list), dotted(path, found.n_steps + 1), to_text(*follow(wanted, path).node));
   }
   if (is_whole || !is_open_table) {
-    const Node& value = *follow(wanted, Path(path.begin(), path.begin() + static_cast<std::ptrdiff_t>(found.n_steps))).node;
+    const Node& value =
+        *follow(wanted, Path(path.begin(), path.begin() + static_cast<std::ptrdiff_t>(found.n_steps))).node;
     const std::size_t begin = offset_of(text, found.node->begin), end = offset_of(text, found.node->end);
     return text.substr(0, begin) + to_text(value) + text.substr(end);
   }
@@ -115,7 +117,8 @@ std::string edit_all(const std::string& text, const std::vector<std::string>& ov
 
 }  // namespace
 
-std::string write_as_run(const std::string& text, const std::vector<std::string>& overrides, const std::filesystem::path& base) {
+std::string write_as_run(const std::string& text, const std::vector<std::string>& overrides,
+                         const std::filesystem::path& base) {
   Node wanted = parse_document(text, "");
   for (const std::string& assignment : overrides) apply_override(wanted, assignment, 1);
   std::vector<Path> files;

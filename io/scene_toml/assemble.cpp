@@ -14,7 +14,8 @@ namespace {
 
 class Assembler {
  public:
-  Assembler(const SceneDraft& draft, const std::filesystem::path& base, Reader& reader) : draft_(draft), base_(base), reader_(reader) {}
+  Assembler(const SceneDraft& draft, const std::filesystem::path& base, Reader& reader)
+      : draft_(draft), base_(base), reader_(reader) {}
 
   Scene assemble(std::vector<std::size_t>& pair_origin) {
     scene_.title = draft_.title;
@@ -24,7 +25,8 @@ class Assembler {
     scene_.run = draft_.run;
     scene_.output = draft_.output;
     // What was not read must not be judged by: a domain that is not a number judges nothing.
-    if (reader_.is_doubtful("domain.low") || reader_.is_doubtful("domain.high") || reader_.is_doubtful("domain.dimensions"))
+    if (reader_.is_doubtful("domain.low") || reader_.is_doubtful("domain.high") ||
+        reader_.is_doubtful("domain.dimensions"))
       scene_.domain.low.x = std::numeric_limits<double>::quiet_NaN(), reader_.doubt("domain.low");
     for (std::size_t i = 0; i < draft_.particles.size(); ++i) add_particles(i);
     for (std::size_t i = 0; i < draft_.walls.size(); ++i) add_wall(i);
@@ -35,12 +37,15 @@ class Assembler {
   }
 
  private:
-  Box box(const BoxDraft& box) const { return {box.low.value_or(scene_.domain.low), box.high.value_or(scene_.domain.high)}; }
+  Box box(const BoxDraft& box) const {
+    return {box.low.value_or(scene_.domain.low), box.high.value_or(scene_.domain.high)};
+  }
 
   std::string only_material() const { return scene_.materials.size() == 1 ? scene_.materials[0].name : ""; }
 
   /// Exactly one of several keys must be there.
-  bool expect_one(const std::string& path, const std::vector<std::pair<std::string, bool>>& keys, const std::string& what) {
+  bool expect_one(const std::string& path, const std::vector<std::pair<std::string, bool>>& keys,
+                  const std::string& what) {
     std::string found, expected;
     int count = 0;
     for (const auto& [key, is_there] : keys) {
@@ -59,12 +64,16 @@ class Assembler {
   /// One of the keys was there but could not be read, or was misspelt: nothing is missing then.
   bool is_any_doubtful(const std::string& path, const std::vector<std::pair<std::string, bool>>& keys) const {
     if (reader_.doubtful().contains(path)) return true;
-    return std::any_of(keys.begin(), keys.end(), [&](const auto& key) { return reader_.is_doubtful(path + "." + key.first); });
+    return std::any_of(keys.begin(), keys.end(),
+                       [&](const auto& key) { return reader_.is_doubtful(path + "." + key.first); });
   }
 
   Region region(const std::optional<RegionDraft>& draft, const std::string& path) {
     if (!draft) return BoxRegion{scene_.domain.box()};
-    expect_one(path, {{"box", draft->box.has_value()}, {"cylinder", draft->cylinder.has_value()}, {"sphere", draft->sphere.has_value()}},
+    expect_one(path,
+               {{"box", draft->box.has_value()},
+                {"cylinder", draft->cylinder.has_value()},
+                {"sphere", draft->sphere.has_value()}},
                "shape");
     if (draft->cylinder) return *draft->cylinder;
     if (draft->sphere) return *draft->sphere;
@@ -88,26 +97,34 @@ class Assembler {
       if (group.material.empty()) reader_.complain_missing_key(path, "material", "particles");
     }
     // A file that could not be read might have given the sizes.
-    if (!has_sizes && !reader_.is_doubtful(path + ".fill.file")) reader_.complain_missing_key(path, "diameter", "particles");
+    if (!has_sizes && !reader_.is_doubtful(path + ".fill.file"))
+      reader_.complain_missing_key(path, "diameter", "particles");
     if (!has_sizes) reader_.doubt(path + ".diameter");
     scene_.particles.push_back(std::move(group));
   }
 
   void add_fill(const FillDraft& fill, const std::string& path, ParticleGroup& group) {
-    const bool is_misread = !fill.lattice && (reader_.is_doubtful(path + ".solid_fraction") || reader_.is_doubtful(path + ".count"));
+    const bool is_misread =
+        !fill.lattice && (reader_.is_doubtful(path + ".solid_fraction") || reader_.is_doubtful(path + ".count"));
     const bool is_random = fill.solid_fraction || (fill.count && !fill.lattice) || is_misread;
     const char* random = fill.solid_fraction ? "solid_fraction" : fill.count ? "count" : "solid_fraction or count";
-    if (!expect_one(path, {{random, is_random}, {"lattice", fill.lattice.has_value()},
-                           {"file", fill.file.has_value()}, {"positions", fill.positions.has_value()}}, "kind of fill"))
+    if (!expect_one(path,
+                    {{random, is_random},
+                     {"lattice", fill.lattice.has_value()},
+                     {"file", fill.file.has_value()},
+                     {"positions", fill.positions.has_value()}},
+                    "kind of fill"))
       return;
-    if (fill.solid_fraction && fill.count) reader_.complain_at(path, "has solid_fraction and count; expected exactly one of them");
+    if (fill.solid_fraction && fill.count)
+      reader_.complain_at(path, "has solid_fraction and count; expected exactly one of them");
     refuse_strays(fill, path);
     if (fill.positions) {
       group.fill = listed_in_scene(*fill.positions, group);
     } else if (fill.file) {
       group.fill = listed_in_file(*fill.file, path + ".file", group);
     } else if (fill.lattice) {
-      group.fill = LatticeFill{*fill.lattice, region(fill.region, path + ".region"), fill.spacing, fill.jitter, fill.count};
+      group.fill =
+          LatticeFill{*fill.lattice, region(fill.region, path + ".region"), fill.spacing, fill.jitter, fill.count};
     } else {
       group.fill = RandomFill{region(fill.region, path + ".region"), fill.solid_fraction, fill.count};
     }
@@ -123,7 +140,8 @@ class Assembler {
       refuse("spacing", "goes with lattice only");
       refuse("jitter", "goes with lattice only");
     }
-    if (fill.file || fill.positions) refuse("region", "goes with solid_fraction, count and lattice only: listed grains have their places");
+    if (fill.file || fill.positions)
+      refuse("region", "goes with solid_fraction, count and lattice only: listed grains have their places");
   }
 
   std::uint16_t material_number(const ParticleGroup& group) const {
@@ -170,11 +188,17 @@ class Assembler {
     WallDefinition wall = draft.wall;
     if (wall.material.empty()) wall.material = only_material();
     // A mirror has no material of its own; the engine's tables want one for every wall.
-    if (wall.material.empty() && wall.symmetry && !scene_.particles.empty()) wall.material = scene_.particles[0].material;
+    if (wall.material.empty() && wall.symmetry && !scene_.particles.empty())
+      wall.material = scene_.particles[0].material;
     if (wall.material.empty()) reader_.complain_missing_key(path, "material", "wall");
-    const bool has_one = expect_one(path, {{"plane", draft.plane.has_value()}, {"box", draft.box.has_value()},
-                                           {"cylinder", draft.cylinder.has_value()}, {"cone", draft.cone.has_value()},
-                                           {"disc", draft.disc.has_value()}, {"mesh", draft.mesh.has_value()}}, "shape");
+    const bool has_one = expect_one(path,
+                                    {{"plane", draft.plane.has_value()},
+                                     {"box", draft.box.has_value()},
+                                     {"cylinder", draft.cylinder.has_value()},
+                                     {"cone", draft.cone.has_value()},
+                                     {"disc", draft.disc.has_value()},
+                                     {"mesh", draft.mesh.has_value()}},
+                                    "shape");
     if (has_one) set_shape(draft, path, wall);
     scene_.walls.push_back(std::move(wall));
   }
@@ -191,11 +215,14 @@ class Assembler {
   MeshShape mesh(const MeshDraft& draft, const std::string& path) {
     MeshShape shape{draft.file, {}};
     if (draft.file.empty()) {
-      if (!reader_.is_doubtful(path + ".file")) reader_.complain_at(path + ".file", "is empty; expected the name of an STL or OBJ file");
+      if (!reader_.is_doubtful(path + ".file"))
+        reader_.complain_at(path + ".file", "is empty; expected the name of an STL or OBJ file");
       return shape;
     }
     if (!std::isfinite(draft.scale) || draft.scale == 0.0)
-      reader_.complain_at(path + ".scale", fmt::format("is {}; expected a number other than 0, such as 0.001 for millimetres", draft.scale));
+      reader_.complain_at(
+          path + ".scale",
+          fmt::format("is {}; expected a number other than 0, such as 0.001 for millimetres", draft.scale));
     try {
       shape.mesh = load_mesh(base_ / draft.file, draft.scale, draft.translate);
     } catch (const FileError& error) {
@@ -215,7 +242,8 @@ class Assembler {
   }
 
   void add_probe(std::size_t i) {
-    static constexpr std::array names = {"energy", "wall_force", "wall_pressure", "region", "mass", "profile", "contacts"};
+    static constexpr std::array names = {"energy", "wall_force", "wall_pressure", "region",
+                                         "mass",   "profile",    "contacts"};
     Probe probe = draft_.probes[i].probe;
     if (probe.name.empty()) probe.name = names[static_cast<std::size_t>(probe.kind)];
     probe.region = box(draft_.probes[i].region.value_or(BoxDraft{}));
@@ -237,9 +265,10 @@ class Assembler {
       } else if (reader_.is_doubtful(fmt::format("contact.pair[{}].between", i))) {
         reader_.doubt("contact.pair");  // which pair it was meant for is not known
       } else if (general) {
-        reader_.complain_at(fmt::format("contact.pair[{}]", i),
-                            fmt::format("has no between, as contact.pair[{}] has none; only one entry can stand for all other pairs",
-                                        *general));
+        reader_.complain_at(
+            fmt::format("contact.pair[{}]", i),
+            fmt::format("has no between, as contact.pair[{}] has none; only one entry can stand for all other pairs",
+                        *general));
       } else {
         general = i;
       }
@@ -251,7 +280,8 @@ class Assembler {
   void add_all_other_pairs(const PairLaw& law, std::size_t origin, std::vector<std::size_t>& pair_origin) {
     std::vector<bool> is_grain(scene_.materials.size());
     for (const ParticleGroup& group : scene_.particles) {
-      if (const int index = scene_.material_index(group.material); index >= 0) is_grain[static_cast<std::size_t>(index)] = true;
+      if (const int index = scene_.material_index(group.material); index >= 0)
+        is_grain[static_cast<std::size_t>(index)] = true;
       if (const auto* listed = std::get_if<ListedGrains>(&group.fill))
         for (const GrainSeed& seed : listed->grains)
           if (seed.material < is_grain.size()) is_grain[seed.material] = true;

@@ -130,7 +130,8 @@ Node parse_document(const std::string& text, const std::string& name) {
 Path parse_path(std::string_view text) {
   Path path;
   const auto add = [&](std::string_view word) {
-    const bool is_index = !word.empty() && std::all_of(word.begin(), word.end(), [](char c) { return c >= '0' && c <= '9'; });
+    const bool is_index =
+        !word.empty() && std::all_of(word.begin(), word.end(), [](char c) { return c >= '0' && c <= '9'; });
     if (is_index && word.size() < 10)
       path.push_back({"", static_cast<std::size_t>(std::stoul(std::string(word)))});
     else
@@ -168,7 +169,8 @@ Found follow(const Node& root, const Path& path) {
       found.place = found.node->begin;
     } else {
       const auto& members = found.node->members;
-      const auto member = std::find_if(members.begin(), members.end(), [&](const Member& m) { return m.name == step.name; });
+      const auto member =
+          std::find_if(members.begin(), members.end(), [&](const Member& m) { return m.name == step.name; });
       if (member == members.end()) return found;
       found.node = &member->value;
       found.place = member->place;
@@ -186,10 +188,12 @@ bool same_content(const Node& a, const Node& b) {
     case Node::Kind::integer: return a.integer == b.integer;
     case Node::Kind::real: return a.real == b.real || (a.real != a.real && b.real != b.real);
     case Node::Kind::boolean: return a.boolean == b.boolean;
-    case Node::Kind::list: return std::equal(a.items.begin(), a.items.end(), b.items.begin(), b.items.end(), same_content);
+    case Node::Kind::list:
+      return std::equal(a.items.begin(), a.items.end(), b.items.begin(), b.items.end(), same_content);
     case Node::Kind::table: break;
   }
-  return a.members.size() == b.members.size() && std::all_of(a.members.begin(), a.members.end(), [&](const Member& member) {
+  return a.members.size() == b.members.size() &&
+         std::all_of(a.members.begin(), a.members.end(), [&](const Member& member) {
            const Node* other = b.find(member.name);
            return other && same_content(member.value, *other);
          });
@@ -206,7 +210,8 @@ std::string key_text(const std::string& name) {
 
 bool is_list_of_tables(const Node& node) {
   return node.kind == Node::Kind::list && !node.items.empty() &&
-         std::all_of(node.items.begin(), node.items.end(), [](const Node& n) { return n.kind == Node::Kind::table && !n.is_inline; });
+         std::all_of(node.items.begin(), node.items.end(),
+                     [](const Node& n) { return n.kind == Node::Kind::table && !n.is_inline; });
 }
 
 /// Values first, then tables under their own headers: a header ends the table above it.
@@ -221,7 +226,8 @@ void write_table(const Node& table, const std::string& path, std::string& out) {
     const std::string full = path.empty() ? key_text(member.name) : path + "." + key_text(member.name);
     if (member.value.kind == Node::Kind::table) {
       const auto& members = member.value.members;
-      const bool is_implied = !members.empty() && std::all_of(members.begin(), members.end(), [&](const Member& m) { return stands_apart(m.value); });
+      const bool is_implied = !members.empty() && std::all_of(members.begin(), members.end(),
+                                                              [&](const Member& m) { return stands_apart(m.value); });
       if (!is_implied) out += fmt::format("\n[{}]\n", full);
       write_table(member.value, full, out);
     }

@@ -23,14 +23,14 @@ struct Member;
 struct Node {
   enum class Kind { table, list, text, integer, real, boolean, date };
   Kind kind = Kind::table;
-  Place begin, end;            // of the value as written; end is one past
-  bool is_inline = false;      // tables: written as { ... } ; others stand under a [header] or come from dotted keys
-  std::string text;            // text, date
+  Place begin, end;        // of the value as written; end is one past
+  bool is_inline = false;  // tables: written as { ... } ; others stand under a [header] or come from dotted keys
+  std::string text;        // text, date
   std::int64_t integer = 0;
   double real = 0.0;
   bool boolean = false;
-  std::vector<Member> members; // table, in order of the file
-  std::vector<Node> items;     // list
+  std::vector<Member> members;  // table, in order of the file
+  std::vector<Node> items;      // list
 
   const Node* find(std::string_view name) const;
   Node* find(std::string_view name);
@@ -39,7 +39,7 @@ struct Node {
 
 struct Member {
   std::string name;
-  Place place;                 // of the key
+  Place place;  // of the key
   Node value;
 };
 
@@ -48,7 +48,7 @@ Node parse_document(const std::string& text, const std::string& name);
 
 /// A step of a path: a key, or an index in a list.
 struct Step {
-  std::string name;            // empty: an index
+  std::string name;  // empty: an index
   std::size_t index = 0;
 };
 using Path = std::vector<Step>;

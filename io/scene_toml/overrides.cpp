@@ -95,7 +95,8 @@ std::string apply_override(Node& root, const std::string& assignment, int number
     return fmt::format("\"{}\" is not a key; expected a path such as time.end or particles[0].diameter", key);
   Node value;
   if (!parse_value(value_text, value))
-    return fmt::format("key \"{}\" = {}: not a value; expected a number, a word, true, false, [list] or {{ table }}", key, value_text);
+    return fmt::format("key \"{}\" = {}: not a value; expected a number, a word, true, false, [list] or {{ table }}",
+                       key, value_text);
   mark(value, number);
   std::string problem;
   Node changed = root;  // an override that fails halfway leaves nothing behind

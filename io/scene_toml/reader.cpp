@@ -56,14 +56,32 @@ const char* article(const std::string& type) {
 
 /// What people call a quantity that goes by another name here.
 constexpr std::pair<std::string_view, std::string_view> synonyms[] = {
-    {"radius", "diameter"},      {"size", "diameter"},        {"dt", "step"},
-    {"timestep", "step"},        {"time_step", "step"},       {"duration", "end"},
-    {"youngs_modulus", "young"}, {"E", "young"},              {"nu", "poisson"},
-    {"rho", "density"},          {"mu", "friction"},          {"kn", "normal_stiffness"},
-    {"kt", "tangential_stiffness"}, {"stiffness", "normal_stiffness"}, {"center", "centre"},
-    {"e", "restitution"},        {"volume_fraction", "solid_fraction"}, {"porosity", "solid_fraction"},
-    {"min", "low"},              {"max", "high"},              {"number", "count"},         {"n", "count"},              {"std", "deviation"},
-    {"sigma", "deviation"},      {"stl", "mesh"},             {"snapshot_interval", "snapshots"},
+    {"radius", "diameter"},
+    {"size", "diameter"},
+    {"dt", "step"},
+    {"timestep", "step"},
+    {"time_step", "step"},
+    {"duration", "end"},
+    {"youngs_modulus", "young"},
+    {"E", "young"},
+    {"nu", "poisson"},
+    {"rho", "density"},
+    {"mu", "friction"},
+    {"kn", "normal_stiffness"},
+    {"kt", "tangential_stiffness"},
+    {"stiffness", "normal_stiffness"},
+    {"center", "centre"},
+    {"e", "restitution"},
+    {"volume_fraction", "solid_fraction"},
+    {"porosity", "solid_fraction"},
+    {"min", "low"},
+    {"max", "high"},
+    {"number", "count"},
+    {"n", "count"},
+    {"std", "deviation"},
+    {"sigma", "deviation"},
+    {"stl", "mesh"},
+    {"snapshot_interval", "snapshots"},
     {"checkpoint_interval", "checkpoints"},
 };
 
@@ -131,7 +149,9 @@ void Reader::complain_missing(const At& table, std::string_view key, const KeyDo
   const std::string path = table.parent ? fmt::format("{}.{}", table.path(), key) : std::string(key);
   if (doubtful_.contains(path)) return;  // it is there, misspelt
   const std::string unit = bracketed(doc.unit.c_str());
-  messages_.push_back(located(table.place, path, nullptr, fmt::format("missing; expected {}{}{}: {}", article(doc.type), doc.type, unit, doc.meaning)));
+  messages_.push_back(
+      located(table.place, path, nullptr,
+              fmt::format("missing; expected {}{}{}: {}", article(doc.type), doc.type, unit, doc.meaning)));
   doubt(path);
 }
 
@@ -257,7 +277,8 @@ bool Reader::read(const At& at, const char*, std::array<bool, 3>& out) {
     return false;
   }
   bool is_good = true;
-  for (std::size_t i = 0; i < 3; ++i) is_good = read(At{at.node.items[i], at.node.items[i].begin, &at, {}, i}, "", out[i]) && is_good;
+  for (std::size_t i = 0; i < 3; ++i)
+    is_good = read(At{at.node.items[i], at.node.items[i].begin, &at, {}, i}, "", out[i]) && is_good;
   return is_good;
 }
 
@@ -267,7 +288,8 @@ bool Reader::read(const At& at, const char*, std::array<std::string, 2>& out) {
     return false;
   }
   bool is_good = true;
-  for (std::size_t i = 0; i < 2; ++i) is_good = read(At{at.node.items[i], at.node.items[i].begin, &at, {}, i}, "", out[i]) && is_good;
+  for (std::size_t i = 0; i < 2; ++i)
+    is_good = read(At{at.node.items[i], at.node.items[i].begin, &at, {}, i}, "", out[i]) && is_good;
   return is_good;
 }
 
@@ -275,7 +297,8 @@ bool Reader::read(const At& at, const char* unit, std::vector<double>& out) {
   if (!expect_list(at, "a list of numbers")) return false;
   out.assign(at.node.items.size(), 0.0);
   bool is_good = true;
-  for (std::size_t i = 0; i < out.size(); ++i) is_good = read(At{at.node.items[i], at.node.items[i].begin, &at, {}, i}, unit, out[i]) && is_good;
+  for (std::size_t i = 0; i < out.size(); ++i)
+    is_good = read(At{at.node.items[i], at.node.items[i].begin, &at, {}, i}, unit, out[i]) && is_good;
   return is_good;
 }
 
@@ -283,7 +306,8 @@ bool Reader::read(const At& at, const char*, std::vector<std::string>& out) {
   if (!expect_list(at, "a list of names")) return false;
   out.assign(at.node.items.size(), "");
   bool is_good = true;
-  for (std::size_t i = 0; i < out.size(); ++i) is_good = read(At{at.node.items[i], at.node.items[i].begin, &at, {}, i}, "", out[i]) && is_good;
+  for (std::size_t i = 0; i < out.size(); ++i)
+    is_good = read(At{at.node.items[i], at.node.items[i].begin, &at, {}, i}, "", out[i]) && is_good;
   return is_good;
 }
 
@@ -333,7 +357,8 @@ bool Reader::read_points(const At& at, std::vector<Vec3>& out, double z, bool ma
     Vec3 place{0.0, 0.0, z};
     if (may_lack_z && item.node.kind == Node::Kind::list && item.node.items.size() == 2) {
       for (std::size_t axis = 0; axis < 2; ++axis)
-        is_good = read(At{item.node.items[axis], item.place, &item, {}, axis}, "m", place[static_cast<int>(axis)]) && is_good;
+        is_good =
+            read(At{item.node.items[axis], item.place, &item, {}, axis}, "m", place[static_cast<int>(axis)]) && is_good;
     } else {
       is_good = read(item, "m", place) && is_good;
     }

@@ -33,14 +33,14 @@ struct At {
 
 /// One row of the reference of all keys.
 struct KeyDoc {
-  std::string section;      // "time", "particles.fill"
+  std::string section;  // "time", "particles.fill"
   std::string name, type, unit, preset, meaning;
   bool is_required = false;
 };
 
 /// What a key is measured in and means.
 struct About {
-  const char* unit;         // SI, "-" for pure numbers, "" where there is none
+  const char* unit;  // SI, "-" for pure numbers, "" where there is none
   const char* meaning;
 };
 

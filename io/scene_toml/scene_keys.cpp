@@ -15,28 +15,74 @@ namespace {
 
 template <class V>
 struct TypeName;
-template <> struct TypeName<double> { static constexpr const char* text = "number"; };
-template <> struct TypeName<int> { static constexpr const char* text = "whole number"; };
-template <> struct TypeName<std::int64_t> { static constexpr const char* text = "whole number"; };
-template <> struct TypeName<std::uint64_t> { static constexpr const char* text = "whole number"; };
-template <> struct TypeName<bool> { static constexpr const char* text = "true or false"; };
-template <> struct TypeName<std::string> { static constexpr const char* text = "text"; };
-template <> struct TypeName<Vec3> { static constexpr const char* text = "[x, y, z]"; };
-template <> struct TypeName<std::array<bool, 3>> { static constexpr const char* text = "[x, y, z], each true or false"; };
-template <> struct TypeName<std::array<std::string, 2>> { static constexpr const char* text = "two names"; };
-template <> struct TypeName<std::vector<double>> { static constexpr const char* text = "list of numbers"; };
-template <> struct TypeName<std::vector<std::string>> { static constexpr const char* text = "list of names"; };
-template <class V> struct TypeName<std::optional<V>> : TypeName<V> {};
+template <>
+struct TypeName<double> {
+  static constexpr const char* text = "number";
+};
+template <>
+struct TypeName<int> {
+  static constexpr const char* text = "whole number";
+};
+template <>
+struct TypeName<std::int64_t> {
+  static constexpr const char* text = "whole number";
+};
+template <>
+struct TypeName<std::uint64_t> {
+  static constexpr const char* text = "whole number";
+};
+template <>
+struct TypeName<bool> {
+  static constexpr const char* text = "true or false";
+};
+template <>
+struct TypeName<std::string> {
+  static constexpr const char* text = "text";
+};
+template <>
+struct TypeName<Vec3> {
+  static constexpr const char* text = "[x, y, z]";
+};
+template <>
+struct TypeName<std::array<bool, 3>> {
+  static constexpr const char* text = "[x, y, z], each true or false";
+};
+template <>
+struct TypeName<std::array<std::string, 2>> {
+  static constexpr const char* text = "two names";
+};
+template <>
+struct TypeName<std::vector<double>> {
+  static constexpr const char* text = "list of numbers";
+};
+template <>
+struct TypeName<std::vector<std::string>> {
+  static constexpr const char* text = "list of names";
+};
+template <class V>
+struct TypeName<std::optional<V>> : TypeName<V> {};
 
 std::string preset_text(double v) { return std::isinf(v) ? "infinite" : fmt::format("{}", v); }
-template <std::integral V> std::string preset_text(V v) { return fmt::format("{}", v); }
+template <std::integral V>
+std::string preset_text(V v) {
+  return fmt::format("{}", v);
+}
 std::string preset_text(bool v) { return v ? "true" : "false"; }
 std::string preset_text(const std::string& v) { return v.empty() ? "none" : "\"" + v + "\""; }
 std::string preset_text(Vec3 v) { return fmt::format("[{}, {}, {}]", v.x, v.y, v.z); }
 std::string preset_text(const std::array<bool, 3>& v) { return fmt::format("[{}, {}, {}]", v[0], v[1], v[2]); }
-template <class V> std::string preset_text(const std::optional<V>&) { return "none"; }
-template <class V> std::string preset_text(const std::vector<V>&) { return "none"; }
-template <class V, std::size_t n> std::string preset_text(const std::array<V, n>&) { return "none"; }
+template <class V>
+std::string preset_text(const std::optional<V>&) {
+  return "none";
+}
+template <class V>
+std::string preset_text(const std::vector<V>&) {
+  return "none";
+}
+template <class V, std::size_t n>
+std::string preset_text(const std::array<V, n>&) {
+  return "none";
+}
 
 // ---- rows ------------------------------------------------------------------------------------------------------------------
 
@@ -44,27 +90,31 @@ enum Presence { optional_key, required_key };
 
 /// A row whose value is read into a member of the same type. `preset` overrides the default that the struct has.
 template <class T, class V>
-Key<T> value(const char* name, V T::* member, About about, Presence presence = optional_key, const char* preset = nullptr) {
+Key<T> value(const char* name, V T::*member, About about, Presence presence = optional_key,
+             const char* preset = nullptr) {
   const bool is_required = presence == required_key;
-  KeyDoc doc{"", name, TypeName<V>::text, about.unit, preset ? preset : preset_text(T{}.*member), about.meaning, is_required};
-  return {doc, [member, unit = about.unit](Reader& reader, const At& at, T& out) { reader.read(at, unit, out.*member); }};
+  KeyDoc doc{"",         name, TypeName<V>::text, about.unit, preset ? preset : preset_text(T{}.*member), about.meaning,
+             is_required};
+  return {doc,
+          [member, unit = about.unit](Reader& reader, const At& at, T& out) { reader.read(at, unit, out.*member); }};
 }
 
 /// The same for a struct inside the T, as `group` in a draft.
 template <class T, class Inner>
-KeyTable<T> inside(Inner T::* part, const KeyTable<Inner>& table, KeyTable<T> more) {
+KeyTable<T> inside(Inner T::*part, const KeyTable<Inner>& table, KeyTable<T> more) {
   KeyTable<T> out;
   for (const Key<Inner>& key : table.keys)
-    out.keys.push_back({key.doc, [part, read = key.read](Reader& reader, const At& at, T& draft) { read(reader, at, draft.*part); },
-                        key.describe_inside});
+    out.keys.push_back(
+        {key.doc, [part, read = key.read](Reader& reader, const At& at, T& draft) { read(reader, at, draft.*part); },
+         key.describe_inside});
   for (Key<T>& key : more.keys) out.keys.push_back(std::move(key));
   return out;
 }
 
 /// A row whose value is one of a few words.
 template <class T, class E>
-Key<T> choice(const char* name, E T::* member, std::vector<std::pair<std::string, E>> words, About about, const char* preset,
-              Presence presence = optional_key) {
+Key<T> choice(const char* name, E T::*member, std::vector<std::pair<std::string, E>> words, About about,
+              const char* preset, Presence presence = optional_key) {
   std::vector<std::string> names;
   for (const auto& [word, meaning] : words) names.push_back(word);
   KeyDoc doc{"", name, quoted_list(names, "or"), about.unit, preset, about.meaning, presence == required_key};
@@ -75,27 +125,27 @@ Key<T> choice(const char* name, E T::* member, std::vector<std::pair<std::string
 }
 
 template <class T>
-Key<T> direction(const char* name, Vec3 T::* member, const char* preset, const char* meaning) {
+Key<T> direction(const char* name, Vec3 T::*member, const char* preset, const char* meaning) {
   return {{"", name, "[x, y, z] or \"x\", \"-x\", ...", "-", preset, meaning},
           [member](Reader& reader, const At& at, T& out) { reader.read_direction(at, out.*member); }};
 }
 
 template <class T>
-Key<T> axis(const char* name, int T::* member, const char* meaning) {
+Key<T> axis(const char* name, int T::*member, const char* meaning) {
   return {{"", name, "\"x\", \"y\" or \"z\"", "", "\"z\"", meaning},
           [member](Reader& reader, const At& at, T& out) { reader.read_axis(at, out.*member); }};
 }
 
 /// A table inside a table.
 template <class T, class Inner>
-Key<T> table(const char* name, Inner T::* member, const KeyTable<Inner>& inner, const char* preset, const char* meaning,
+Key<T> table(const char* name, Inner T::*member, const KeyTable<Inner>& inner, const char* preset, const char* meaning,
              Presence presence = optional_key) {
   return {{"", name, "table", "", preset, meaning, presence == required_key},
           [member, &inner](Reader& reader, const At& at, T& out) { inner.read(reader, at, out.*member); },
           [&inner](const std::string& section, std::vector<KeyDoc>& docs) { inner.describe(section, docs); }};
 }
 template <class T, class Inner>
-Key<T> table(const char* name, std::optional<Inner> T::* member, const KeyTable<Inner>& inner, const char* preset,
+Key<T> table(const char* name, std::optional<Inner> T::*member, const KeyTable<Inner>& inner, const char* preset,
              const char* meaning, Presence presence = optional_key) {
   return {{"", name, "table", "", preset, meaning, presence == required_key},
           [member, &inner](Reader& reader, const At& at, T& out) {
@@ -107,12 +157,14 @@ Key<T> table(const char* name, std::optional<Inner> T::* member, const KeyTable<
 
 /// A list of tables: [[name]].
 template <class T, class Inner>
-Key<T> tables(const char* name, std::vector<Inner> T::* member, const KeyTable<Inner>& inner, const char* meaning,
+Key<T> tables(const char* name, std::vector<Inner> T::*member, const KeyTable<Inner>& inner, const char* meaning,
               Presence presence = optional_key) {
   return {{"", name, fmt::format("list of tables, [[{}]]", name), "", "none", meaning, presence == required_key},
           [member, &inner](Reader& reader, const At& at, T& out) {
             if (at.node.kind == Node::Kind::table) {
-              reader.complain(at, fmt::format("expected a list of tables, found one table; write [[{0}]] with two brackets", at.path()));
+              reader.complain(at,
+                              fmt::format("expected a list of tables, found one table; write [[{0}]] with two brackets",
+                                          at.path()));
               return;
             }
             if (!reader.expect_list(at, "a list of tables")) return;
@@ -172,7 +224,8 @@ const KeyTable<TimeControl>& time_keys() {
   static const KeyTable<TimeControl> keys{{
       value("end", &TimeControl::end, {"s", "simulated time at which the run ends"}, required_key),
       step_key(),
-      value("steps_per_contact", &TimeControl::steps_per_contact, {"-", "with step = \"auto\": steps in the shortest contact"}),
+      value("steps_per_contact", &TimeControl::steps_per_contact,
+            {"-", "with step = \"auto\": steps in the shortest contact"}),
       value("max_speed", &TimeControl::max_speed,
             {"m/s", "fastest approach to expect, which shortens Hertz contacts; 0: estimated from the scene"}),
       value("gravity", &TimeControl::gravity, {"m/s2", "acceleration of gravity"}),
@@ -194,21 +247,24 @@ const KeyTable<Material>& material_keys() {
 const KeyTable<PairDraft>& pair_keys() {
   static const KeyTable<PairLaw> law{{
       value("normal_stiffness", &PairLaw::normal_stiffness, {"N/m", "spring of the linear normal law; needed by it"}),
-      value("tangential_stiffness", &PairLaw::tangential_stiffness, {"N/m", "spring of the tangential laws spring and power"},
-            optional_key, "2/7 of the normal one (linear)"),
+      value("tangential_stiffness", &PairLaw::tangential_stiffness,
+            {"N/m", "spring of the tangential laws spring and power"}, optional_key, "2/7 of the normal one (linear)"),
       value("restitution", &PairLaw::restitution, {"-", "speed after over speed before a head-on impact"}),
       value("friction", &PairLaw::friction, {"-", "Coulomb's coefficient"}),
       value("tangential_damping", &PairLaw::tangential_damping,
-            {"-", "tangential dashpot over the normal one (linear), or over the one that matches the tangential spring (Hertz)"},
+            {"-",
+             "tangential dashpot over the normal one (linear), or over the one that matches the tangential spring "
+             "(Hertz)"},
             optional_key, "0.5 (linear), 1 (Hertz)"),
       value("tangential_viscosity", &PairLaw::tangential_viscosity, {"N s/m", "dashpot of the viscous tangential law"}),
       value("tangential_displacement", &PairLaw::tangential_displacement,
             {"m", "displacement at which the power law reaches friction"}, optional_key, "1.5 mu F_N / k_t"),
   }};
-  static const KeyTable<PairDraft> keys = inside(
-      &PairDraft::law, law,
-      {{value("between", &PairDraft::between, {"", "the two materials; without it: all pairs that no other entry names"},
-              optional_key, "all other pairs")}});
+  static const KeyTable<PairDraft> keys =
+      inside(&PairDraft::law, law,
+             {{value("between", &PairDraft::between,
+                     {"", "the two materials; without it: all pairs that no other entry names"}, optional_key,
+                     "all other pairs")}});
   return keys;
 }
 
@@ -218,15 +274,19 @@ const KeyTable<ContactDraft>& contact_keys() {
       choice("normal", &Laws::normal, {{"linear", NormalLaw::linear}, {"hertz", NormalLaw::hertz}},
              {"", "normal law: linear spring and dashpot, or Hertz with matching damping"}, "\"linear\""),
       choice("tangential", &Laws::tangential,
-             {{"none", TangentialLaw::none}, {"viscous", TangentialLaw::viscous}, {"spring", TangentialLaw::spring},
-              {"mindlin", TangentialLaw::mindlin}, {"power", TangentialLaw::power}},
+             {{"none", TangentialLaw::none},
+              {"viscous", TangentialLaw::viscous},
+              {"spring", TangentialLaw::spring},
+              {"mindlin", TangentialLaw::mindlin},
+              {"power", TangentialLaw::power}},
              {"", "tangential law, under Coulomb's cap; mindlin with hertz only"}, "\"spring\""),
       value("rotation", &Laws::rotation, {"", "false: grains do not rotate, and carry nothing for it"}),
       planned<Laws>("rolling", "rolling resistance"),
       planned<Laws>("cohesion", "cohesion"),
   }};
-  static const KeyTable<ContactDraft> keys = inside(
-      &ContactDraft::laws, laws, {{tables("pair", &ContactDraft::pairs, pair_keys(), "parameters for pairs of materials")}});
+  static const KeyTable<ContactDraft> keys =
+      inside(&ContactDraft::laws, laws,
+             {{tables("pair", &ContactDraft::pairs, pair_keys(), "parameters for pairs of materials")}});
   return keys;
 }
 
@@ -260,7 +320,8 @@ Key<FillDraft> lattice_key() {
 
 /// In two dimensions a place may be given by x and y; the grain then lies halfway through the domain.
 Key<FillDraft> positions_key() {
-  return {{"", "positions", "list of [x, y, z]", "m", "none", "centres of the grains, one by one; in two dimensions [x, y] will do"},
+  return {{"", "positions", "list of [x, y, z]", "m", "none",
+           "centres of the grains, one by one; in two dimensions [x, y] will do"},
           [](Reader& reader, const At& at, FillDraft& out) {
             out.positions.emplace();
             const Node* domain = reader.root().find("domain");
@@ -272,7 +333,8 @@ Key<FillDraft> positions_key() {
 
 const KeyTable<FillDraft>& fill_keys() {
   static const KeyTable<FillDraft> keys{{
-      table("region", &FillDraft::region, region_keys(), "the domain", "part of space to fill: one of box, cylinder, sphere"),
+      table("region", &FillDraft::region, region_keys(), "the domain",
+            "part of space to fill: one of box, cylinder, sphere"),
       value("solid_fraction", &FillDraft::solid_fraction,
             {"-", "random fill: volume of grains over volume of the region; this or count"}),
       value("count", &FillDraft::count, {"-", "random fill: number of grains; lattice: at most so many"}),
@@ -290,14 +352,17 @@ const KeyTable<SizeDistribution>& distribution_keys() {
   using Sizes = SizeDistribution;
   static const KeyTable<Sizes> keys{{
       choice("distribution", &Sizes::kind,
-             {{"uniform", Sizes::Kind::uniform}, {"normal", Sizes::Kind::normal}, {"lognormal", Sizes::Kind::lognormal},
+             {{"uniform", Sizes::Kind::uniform},
+              {"normal", Sizes::Kind::normal},
+              {"lognormal", Sizes::Kind::lognormal},
               {"list", Sizes::Kind::list}},
              {"", "shape of the distribution by number"}, "none", required_key),
-      value("low", &Sizes::low, {"m", "smallest diameter; for normal and lognormal the distribution is cut there"}, optional_key,
-            "3 deviations below the mean, but at least a tenth of it"),
+      value("low", &Sizes::low, {"m", "smallest diameter; for normal and lognormal the distribution is cut there"},
+            optional_key, "3 deviations below the mean, but at least a tenth of it"),
       value("high", &Sizes::high, {"m", "largest diameter"}, optional_key, "3 deviations above the mean"),
       value("mean", &Sizes::mean, {"m", "normal, lognormal: mean diameter"}, optional_key, "none"),
-      value("deviation", &Sizes::deviation, {"m", "normal, lognormal: standard deviation of the diameter"}, optional_key, "none"),
+      value("deviation", &Sizes::deviation, {"m", "normal, lognormal: standard deviation of the diameter"},
+            optional_key, "none"),
       value("values", &Sizes::values, {"m", "list: diameters"}),
       value("weights", &Sizes::weights, {"-", "list: shares by number"}, optional_key, "equal shares"),
   }};
@@ -315,7 +380,8 @@ void complete_distribution(Reader& reader, const At& at, SizeDistribution& sizes
     if (const Node* found = at.node.find(key))
       reader.complain(At{*found, at.place, &at, key}, fmt::format("does not go with distribution = \"{}\"", word));
   };
-  const std::vector<const char*> moments = {"mean", "deviation"}, lists = {"values", "weights"}, bounds = {"low", "high"};
+  const std::vector<const char*> moments = {"mean", "deviation"}, lists = {"values", "weights"},
+                                 bounds = {"low", "high"};
   switch (sizes.kind) {
     case Kind::uniform:
       for (const char* key : bounds) need(key);
@@ -348,8 +414,13 @@ void complete_distribution(Reader& reader, const At& at, SizeDistribution& sizes
 }
 
 Key<ParticleDraft> diameter_key() {
-  KeyDoc doc{"", "diameter", "number, [low, high] or table", "m", "none",
-             "diameter of the grains: one, uniform between two, or a distribution; not needed where a file gives sizes"};
+  KeyDoc doc{
+      "",
+      "diameter",
+      "number, [low, high] or table",
+      "m",
+      "none",
+      "diameter of the grains: one, uniform between two, or a distribution; not needed where a file gives sizes"};
   const auto read = [](Reader& reader, const At& at, ParticleDraft& out) {
     SizeDistribution& sizes = out.group.diameter;
     out.has_diameter = true;
@@ -370,24 +441,26 @@ Key<ParticleDraft> diameter_key() {
       reader.read(at, "m", sizes.value);
     }
   };
-  return {doc, read, [](const std::string& section, std::vector<KeyDoc>& docs) { distribution_keys().describe(section, docs); }};
+  return {doc, read,
+          [](const std::string& section, std::vector<KeyDoc>& docs) { distribution_keys().describe(section, docs); }};
 }
 
 const KeyTable<ParticleDraft>& particle_keys() {
   using Group = ParticleGroup;
   static const KeyTable<Group> group{{
-      value("material", &Group::material, {"", "material of the grains; goes before that of a file"}, optional_key, "the file's, or the only one"),
+      value("material", &Group::material, {"", "material of the grains; goes before that of a file"}, optional_key,
+            "the file's, or the only one"),
       value("velocity", &Group::velocity, {"m/s", "initial velocity"}),
       value("velocity_deviation", &Group::velocity_deviation,
             {"m/s", "standard deviation of each component of the velocity around it"}),
       value("angular_velocity", &Group::angular_velocity, {"rad/s", "initial angular velocity"}),
       value("seed", &Group::seed, {"-", "seed of everything that is random about the group"}),
   }};
-  static const KeyTable<ParticleDraft> keys =
-      inside(&ParticleDraft::group, group,
-             {{diameter_key(),
-               table("fill", &ParticleDraft::fill, fill_keys(), "none",
-                     "where the grains are: solid_fraction or count in a region, lattice, file, or positions", required_key)}});
+  static const KeyTable<ParticleDraft> keys = inside(
+      &ParticleDraft::group, group,
+      {{diameter_key(), table("fill", &ParticleDraft::fill, fill_keys(), "none",
+                              "where the grains are: solid_fraction or count in a region, lattice, file, or positions",
+                              required_key)}});
   return keys;
 }
 
@@ -463,8 +536,13 @@ const KeyTable<ProbeDraft>& probe_keys() {
   using Kind = Probe::Kind;
   static const KeyTable<Probe> probe{{
       choice("kind", &Probe::kind,
-             {{"energy", Kind::energy}, {"wall_force", Kind::wall_force}, {"wall_pressure", Kind::wall_pressure},
-              {"region", Kind::region}, {"mass", Kind::mass}, {"profile", Kind::profile}, {"contacts", Kind::contacts}},
+             {{"energy", Kind::energy},
+              {"wall_force", Kind::wall_force},
+              {"wall_pressure", Kind::wall_pressure},
+              {"region", Kind::region},
+              {"mass", Kind::mass},
+              {"profile", Kind::profile},
+              {"contacts", Kind::contacts}},
              {"", "what is recorded"}, "none", required_key),
       value("name", &Probe::name, {"", "name of the CSV file, without ending"}, optional_key, "the kind"),
       value("wall", &Probe::wall, {"", "wall_force, wall_pressure: name of the wall"}),
@@ -472,9 +550,9 @@ const KeyTable<ProbeDraft>& probe_keys() {
       value("bins", &Probe::bins, {"-", "wall_pressure, profile: number of slices"}),
       value("interval", &Probe::interval, {"s", "time between two rows"}, required_key),
   }};
-  static const KeyTable<ProbeDraft> keys =
-      inside(&ProbeDraft::probe, probe,
-             {{table("region", &ProbeDraft::region, box_keys(), "the domain", "region, profile: the box that is looked at")}});
+  static const KeyTable<ProbeDraft> keys = inside(
+      &ProbeDraft::probe, probe,
+      {{table("region", &ProbeDraft::region, box_keys(), "the domain", "region, profile: the box that is looked at")}});
   return keys;
 }
 
@@ -485,7 +563,8 @@ Key<SceneDraft> output_key() {
   static const KeyTable<Out> keys{{
       value("directory", &Out::directory, {"", "where the results go"}, optional_key, "runs/NAME of the scene file"),
       value("snapshots", &Out::snapshot_interval, {"s", "simulated time between snapshots; 0: the last state only"}),
-      value("checkpoints", &Out::checkpoint_interval, {"s", "simulated time between checkpoints; 0: at the end and on signals only"}),
+      value("checkpoints", &Out::checkpoint_interval,
+            {"s", "simulated time between checkpoints; 0: at the end and on signals only"}),
       value("checkpoints_kept", &Out::checkpoints_kept, {"-", "number of checkpoints kept"}),
       value("fields", &Out::fields, {"", "fields of snapshots"}, optional_key, "all that describe the state"),
       value("energy", &Out::energy, {"", "keep the energy ledger; on where a probe needs it"}),
@@ -514,7 +593,8 @@ const KeyTable<SceneDraft>& scene_table() {
   static const KeyTable<SceneDraft> keys{{
       value("title", &SceneDraft::title, {"", "a line about the scene"}),
       table("domain", &SceneDraft::domain, domain_keys(), "none", "the space of the scene", required_key),
-      table("time", &SceneDraft::time, time_keys(), "none", "how long, in which steps, and what acts on every grain", required_key),
+      table("time", &SceneDraft::time, time_keys(), "none", "how long, in which steps, and what acts on every grain",
+            required_key),
       tables("material", &SceneDraft::materials, material_keys(), "materials of grains and walls", required_key),
       table("contact", &SceneDraft::contact, contact_keys(), "none", "contact laws and their parameters"),
       tables("particles", &SceneDraft::particles, particle_keys(), "groups of grains", required_key),
@@ -552,7 +632,9 @@ namespace moraine {
 
 std::string scene_key_reference() {
   using scene_toml::KeyDoc;
-  std::string out = "# Keys of a scene file\n\nGenerated from the table that reads them. SI units everywhere. A key is required where its default is \"required\".\n";
+  std::string out =
+      "# Keys of a scene file\n\nGenerated from the table that reads them. SI units everywhere. A key is required "
+      "where its default is \"required\".\n";
   const auto escaped = [](const std::string& text) {
     std::string cell;
     for (const char c : text) cell += c == '|' ? std::string("\\|") : std::string(1, c);

@@ -36,7 +36,7 @@ struct FillDraft {
 };
 
 struct ParticleDraft {
-  ParticleGroup group;                 // all but the fill
+  ParticleGroup group;  // all but the fill
   bool has_diameter = false;
   std::optional<FillDraft> fill;
 };
@@ -47,7 +47,7 @@ struct PairDraft {
 };
 
 struct ContactDraft {
-  ContactLaws laws;                    // all but the pairs
+  ContactLaws laws;  // all but the pairs
   std::vector<PairDraft> pairs;
 };
 
@@ -58,7 +58,7 @@ struct MeshDraft {
 };
 
 struct WallDraft {
-  WallDefinition wall;                 // all but the shape
+  WallDefinition wall;  // all but the shape
   std::optional<PlaneShape> plane;
   std::optional<BoxDraft> box;
   std::optional<CylinderShape> cylinder;
@@ -74,7 +74,7 @@ struct OutletDraft {
 };
 
 struct ProbeDraft {
-  Probe probe;                         // all but the region
+  Probe probe;  // all but the region
   std::optional<BoxDraft> region;
 };
 
@@ -88,7 +88,7 @@ struct SceneDraft {
   std::vector<WallDraft> walls;
   std::vector<OutletDraft> outlets;
   Output output;
-  std::optional<bool> energy;          // output.energy; none: on where a probe needs it
+  std::optional<bool> energy;  // output.energy; none: on where a probe needs it
   std::vector<ProbeDraft> probes;
   RunControl run;
 };

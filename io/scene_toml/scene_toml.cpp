@@ -40,7 +40,8 @@ std::string all_texts(const std::vector<SceneMessage>& messages) {
 
 }  // namespace
 
-SceneFileError::SceneFileError(std::vector<SceneMessage> found) : std::runtime_error(all_texts(found)), problems(std::move(found)) {}
+SceneFileError::SceneFileError(std::vector<SceneMessage> found)
+    : std::runtime_error(all_texts(found)), problems(std::move(found)) {}
 
 namespace scene_toml {
 
@@ -61,7 +62,9 @@ std::string read_file(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
-std::filesystem::path directory_of(const std::filesystem::path& file) { return std::filesystem::absolute(file).parent_path(); }
+std::filesystem::path directory_of(const std::filesystem::path& file) {
+  return std::filesystem::absolute(file).parent_path();
+}
 
 void apply_overrides(Node& root, const std::vector<std::string>& overrides, Reader& reader) {
   for (std::size_t i = 0; i < overrides.size(); ++i) {
@@ -80,7 +83,9 @@ std::string renumbered(const std::string& text, const std::vector<std::size_t>& 
   const std::size_t end = std::min(text.find_first_not_of("0123456789", digits), text.size());
   if (end == digits || end - digits > 9) return text;  // a name of the user's that looks like it
   const std::size_t index = std::stoul(text.substr(digits, end - digits));
-  return index < pair_origin.size() ? fmt::format("{}{}{}", text.substr(0, digits), pair_origin[index], text.substr(end)) : text;
+  return index < pair_origin.size()
+             ? fmt::format("{}{}{}", text.substr(0, digits), pair_origin[index], text.substr(end))
+             : text;
 }
 
 /// True where a problem follows from another one that has been told.
@@ -95,13 +100,16 @@ bool is_consequence(const Reader& reader, const std::string& key) {
   // Names of materials that were not read cannot be referred to.
   const bool has_doubtful_material =
       any([&](const std::string& d) { return d == "material" || (starts(d, "material[") && ends(d, "name")); });
-  const bool refers_to_material = ends(key, ".material") || key == "contact.pair" || key.find(".between") != std::string::npos;
+  const bool refers_to_material =
+      ends(key, ".material") || key == "contact.pair" || key.find(".between") != std::string::npos;
   if (has_doubtful_material && refers_to_material) return true;
-  if (ends(key, ".wall") && any([&](const std::string& d) { return d == "wall" || (starts(d, "wall[") && ends(d, "].name")); })) return true;
+  if (ends(key, ".wall") &&
+      any([&](const std::string& d) { return d == "wall" || (starts(d, "wall[") && ends(d, "].name")); }))
+    return true;
   if (key == "contact.pair")
     return any([&](const std::string& d) {
-      return d == "contact" || d == "contact.pair" || (starts(d, "contact.pair[") && d.find(".between") != std::string::npos) ||
-             ends(d, ".material");
+      return d == "contact" || d == "contact.pair" ||
+             (starts(d, "contact.pair[") && d.find(".between") != std::string::npos) || ends(d, ".material");
     });
   return reader.is_doubtful(key);
 }
@@ -109,9 +117,11 @@ bool is_consequence(const Reader& reader, const std::string& key) {
 void validate_into(Reader& reader, const Scene& scene, const std::vector<std::size_t>& pair_origin) {
   std::vector<Problem> problems = validate(scene);
   // Judged by what was read, not by what the first of these problems makes of the others.
-  std::erase_if(problems, [&](const Problem& problem) { return is_consequence(reader, renumbered(problem.key, pair_origin)); });
+  std::erase_if(problems,
+                [&](const Problem& problem) { return is_consequence(reader, renumbered(problem.key, pair_origin)); });
   for (const Problem& problem : problems)
-    reader.complain_at(renumbered(problem.key, pair_origin), renumbered(problem.message, pair_origin), problem.is_warning);
+    reader.complain_at(renumbered(problem.key, pair_origin), renumbered(problem.message, pair_origin),
+                       problem.is_warning);
 }
 
 /// In order of the file, then of the overrides.
@@ -155,8 +165,10 @@ std::string as_run(const std::string& text, const std::string& name, const std::
 }  // namespace
 }  // namespace scene_toml
 
-Scene read_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides, std::vector<SceneMessage>* warnings) {
-  return scene_toml::read(scene_toml::read_file(file), file.string(), overrides, scene_toml::directory_of(file), warnings);
+Scene read_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides,
+                 std::vector<SceneMessage>* warnings) {
+  return scene_toml::read(scene_toml::read_file(file), file.string(), overrides, scene_toml::directory_of(file),
+                          warnings);
 }
 
 Scene read_scene_text(const std::string& text, const std::string& name, const std::vector<std::string>& overrides,
@@ -168,8 +180,8 @@ std::string scene_as_run(const std::filesystem::path& file, const std::vector<st
   return scene_toml::as_run(scene_toml::read_file(file), file.string(), overrides, scene_toml::directory_of(file));
 }
 
-std::string scene_text_as_run(const std::string& text, const std::string& name, const std::vector<std::string>& overrides,
-                              const std::filesystem::path& base_directory) {
+std::string scene_text_as_run(const std::string& text, const std::string& name,
+                              const std::vector<std::string>& overrides, const std::filesystem::path& base_directory) {
   return scene_toml::as_run(text, name, overrides, base_directory);
 }
 

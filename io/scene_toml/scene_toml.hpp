@@ -12,12 +12,12 @@ namespace moraine {
 
 /// Something wrong, or doubtful, with a scene file, and where.
 struct SceneMessage {
-  std::string origin;       // name of the file as given, or "--set 3" for the third override
-  int line = 0;             // from 1; 0: no line
-  int column = 0;           // from 1; 0: no column
-  std::string key;          // path such as "particles[0].diameter"; empty for errors of the file as a whole
-  std::string value;        // as written in the file, shortened; empty: not there, or told by the message
-  std::string message;      // what is wrong, what was expected, the cure
+  std::string origin;   // name of the file as given, or "--set 3" for the third override
+  int line = 0;         // from 1; 0: no line
+  int column = 0;       // from 1; 0: no column
+  std::string key;      // path such as "particles[0].diameter"; empty for errors of the file as a whole
+  std::string value;    // as written in the file, shortened; empty: not there, or told by the message
+  std::string message;  // what is wrong, what was expected, the cure
   bool is_warning = false;
   /// One line: FILE:LINE: key "KEY" = VALUE: MESSAGE
   std::string text() const;
@@ -42,7 +42,8 @@ Scene read_scene_text(const std::string& text, const std::string& name, const st
 /// scene from anywhere. Stored in the run directory and in checkpoints. Throws SceneFileError where the text cannot be
 /// parsed or an override does not fit; does not check anything else.
 std::string scene_as_run(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
-std::string scene_text_as_run(const std::string& text, const std::string& name, const std::vector<std::string>& overrides = {},
+std::string scene_text_as_run(const std::string& text, const std::string& name,
+                              const std::vector<std::string>& overrides = {},
                               const std::filesystem::path& base_directory = {});
 
 /// Every key of a scene file, as markdown tables: name, type, unit, default, meaning.

@@ -71,7 +71,8 @@ double ExactSum::value() const {
   while (top > 0 && sum.digits_[static_cast<std::size_t>(top)] == 0) --top;
   // The top 96 bits decide the rounding; any bit further down only breaks a tie.
   Wide head = 0;
-  for (int i = top; i > top - 3; --i) head = head << 32 | static_cast<std::uint64_t>(i >= 0 ? sum.digits_[static_cast<std::size_t>(i)] : 0);
+  for (int i = top; i > top - 3; --i)
+    head = head << 32 | static_cast<std::uint64_t>(i >= 0 ? sum.digits_[static_cast<std::size_t>(i)] : 0);
   bool has_rest = false;
   for (int i = top - 3; i >= 0; --i) has_rest = has_rest || sum.digits_[static_cast<std::size_t>(i)] != 0;
   if (head == 0) return 0.0;

@@ -25,7 +25,7 @@ class ExactSum {
   void normalize();
   static constexpr int n_digits = 68;  // 2^-1074 .. 2^1024 and room above
   std::array<std::int64_t, n_digits> digits_{};
-  std::int32_t pending_ = 0;           // additions since the carries were last taken up
+  std::int32_t pending_ = 0;  // additions since the carries were last taken up
   bool is_invalid_ = false;
 };
 

@@ -16,10 +16,10 @@ enum class Parameter : std::uint8_t {
   shear,                 // G* [Pa] (Mindlin, power): 1/G* = (2 - nu1)/G1 + (2 - nu2)/G2
   damping,               // beta = -ln e / sqrt(pi^2 + ln^2 e) [-]
   tangential_stiffness,  // k_t [N/m] (spring; power with a linear normal law)
-  tangential_damping,    // ratio of the tangential dashpot to the normal one (linear) or to its Mindlin match (Hertz) [-]
-  friction,              // mu [-]
-  viscosity,             // gamma_t [N s/m] (viscous)
-  displacement,          // delta_max [m] (power); 0: 3/2 mu F_N / k_t
+  tangential_damping,  // ratio of the tangential dashpot to the normal one (linear) or to its Mindlin match (Hertz) [-]
+  friction,            // mu [-]
+  viscosity,           // gamma_t [N s/m] (viscous)
+  displacement,        // delta_max [m] (power); 0: 3/2 mu F_N / k_t
   count_
 };
 inline constexpr std::size_t n_parameters = static_cast<std::size_t>(Parameter::count_);
@@ -55,8 +55,8 @@ struct LawChoice {
   NormalLaw normal = NormalLaw::linear;
   TangentialLaw tangential = TangentialLaw::spring;
   bool has_rotation = true;
-  bool is_uniform = false;      // all grains have the same radius, mass and material
-  bool has_ledger = false;      // the energy lost in each contact is wanted
+  bool is_uniform = false;  // all grains have the same radius, mass and material
+  bool has_ledger = false;  // the energy lost in each contact is wanted
 };
 
 }  // namespace moraine

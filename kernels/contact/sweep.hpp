@@ -17,23 +17,25 @@ namespace moraine {
 inline constexpr std::int64_t pair_group = 8;
 
 /// Doubles in a slot: F lever_a | M lever_b | losses (normal dashpot, tangential dashpot, friction, -).
-constexpr int slot_size(bool has_rotation, bool has_ledger) { return 4 + (has_rotation ? 4 : 0) + (has_ledger ? 4 : 0); }
+constexpr int slot_size(bool has_rotation, bool has_ledger) {
+  return 4 + (has_rotation ? 4 : 0) + (has_ledger ? 4 : 0);
+}
 /// Doubles in a grain's record (see engine/particles/fields.hpp).
 constexpr int record_size(bool has_rotation) { return has_rotation ? 12 : 8; }
 
 struct PairSweep {
-  const double* records = nullptr;       // of all grains and the dummy, which lies nowhere (NaN)
-  const std::int32_t* a = nullptr;       // grain of lower gid
-  const std::int32_t* b = nullptr;       // grain of higher gid
-  const std::uint8_t* image = nullptr;   // periodic image code of each pair; nullptr: no periodic direction
-  const Vec3* image_shift = nullptr;     // [m] by code: x_a - x_b + shift is the separation
-  const std::uint8_t* species = nullptr; // row of the law table; nullptr: row 0 for all (uniform)
-  double* history = nullptr;             // four doubles a pair: tangential displacement [m], energy stored in it [J]
+  const double* records = nullptr;        // of all grains and the dummy, which lies nowhere (NaN)
+  const std::int32_t* a = nullptr;        // grain of lower gid
+  const std::int32_t* b = nullptr;        // grain of higher gid
+  const std::uint8_t* image = nullptr;    // periodic image code of each pair; nullptr: no periodic direction
+  const Vec3* image_shift = nullptr;      // [m] by code: x_a - x_b + shift is the separation
+  const std::uint8_t* species = nullptr;  // row of the law table; nullptr: row 0 for all (uniform)
+  double* history = nullptr;              // four doubles a pair: tangential displacement [m], energy stored in it [J]
   const LawTable* table = nullptr;
-  double inverse_mass = 0.0;             // [1/kg] of every grain (uniform)
-  double radius = 0.0;                   // [m] of every grain (uniform)
-  double dt = 0.0;                       // [s]
-  double max_overlap = 1.0;              // [-] of the smaller radius: beyond it the run is to be stopped
+  double inverse_mass = 0.0;  // [1/kg] of every grain (uniform)
+  double radius = 0.0;        // [m] of every grain (uniform)
+  double dt = 0.0;            // [s]
+  double max_overlap = 1.0;   // [-] of the smaller radius: beyond it the run is to be stopped
 };
 
 struct SweepResult {
@@ -47,25 +49,25 @@ using PairKernel = SweepResult (*)(const PairSweep& sweep, Range pairs, double* 
 /// Touches of grains with walls, in arrays; as many rows as touches, filled up to pair_group with rows of the dummy grain.
 struct WallTouches {
   const std::int32_t* grain = nullptr;
-  const double* normal_x = nullptr;      // unit vector from the wall to the grain
+  const double* normal_x = nullptr;  // unit vector from the wall to the grain
   const double* normal_y = nullptr;
   const double* normal_z = nullptr;
-  const double* distance = nullptr;      // [m] from the wall to the centre
-  const double* velocity_x = nullptr;    // [m/s] of the wall where it is touched
+  const double* distance = nullptr;    // [m] from the wall to the centre
+  const double* velocity_x = nullptr;  // [m/s] of the wall where it is touched
   const double* velocity_y = nullptr;
   const double* velocity_z = nullptr;
-  const double* mirror = nullptr;        // 1: a wall; 2: a mirror, in which the grain meets its own image
+  const double* mirror = nullptr;  // 1: a wall; 2: a mirror, in which the grain meets its own image
   const std::uint8_t* species = nullptr;
-  double* history = nullptr;             // four doubles a touch, as for pairs
-  double* slots = nullptr;               // force on the grain, as for pairs with the grain as a
+  double* history = nullptr;  // four doubles a touch, as for pairs
+  double* slots = nullptr;    // force on the grain, as for pairs with the grain as a
 };
 
 struct WallSweep {
   const double* records = nullptr;
   WallTouches touches;
-  const LawTable* table = nullptr;       // of grains with walls
-  double dt = 0.0;                       // [s]
-  double max_overlap = 1.0;              // [-] of the radius
+  const LawTable* table = nullptr;  // of grains with walls
+  double dt = 0.0;                  // [s]
+  double max_overlap = 1.0;         // [-] of the radius
 };
 
 using WallKernel = SweepResult (*)(const WallSweep& sweep, Range touches);

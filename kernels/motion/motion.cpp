@@ -75,12 +75,14 @@ MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Ran
     store_quad(record, with_last(x_new, x_old));
     const Quad squared = v_new * v_new;
     fastest = max(fastest, squared);
-    finite = fma(squared, set_quad(0.0), finite);  // stays zero unless something is infinite or not a number
+    finite = fma(squared, set_quad(0.0),
+                 finite);  // stays zero unless something is infinite or not a number (here and below)
     outside = or_outside(outside, x_new, low, high);
     if constexpr (has_rotation) {
       const Quad w_old = load_quad(record + 8);
       const Quad w_new = fma(sum.moment * spins, last_of(w_old) * spin_gain, w_old);
       store_quad(record + 8, with_last(w_new, w_old));
+      finite = fma(w_new, set_quad(0.0), finite);
     }
     if constexpr (has_ledger) {
       alignas(32) double mean[4];

@@ -39,18 +39,18 @@ struct GrainSums {
   std::int32_t first_grain = 0;            // offsets[0] belongs to this grain
   const std::uint32_t* offsets = nullptr;  // entries of grain i: [offsets[i - first], offsets[i - first + 1])
   const Entry* entries = nullptr;
-  const double* ring = nullptr;            // slots, by slot index & ring_mask
+  const double* ring = nullptr;  // slots, by slot index & ring_mask
   std::uint32_t ring_mask = 0;
-  const double* kept = nullptr;            // slots that stay, by slot index
+  const double* kept = nullptr;  // slots that stay, by slot index
   // Wall touches of the grains to be advanced, in their order.
   const std::int32_t* wall_grain = nullptr;
   const double* wall_slots = nullptr;
   std::int64_t n_wall = 0;
-  Box inside;                              // grains that leave it are reported
+  Box inside;  // grains that leave it are reported
   Kick kick;
-  double* dissipated = nullptr;            // four doubles a grain, or nullptr
-  double* force = nullptr;                 // contact force of each grain, three doubles, or nullptr [N]
-  double* torque = nullptr;                // [N m]
+  double* dissipated = nullptr;  // four doubles a grain, or nullptr
+  double* force = nullptr;       // contact force of each grain, three doubles, or nullptr [N]
+  double* torque = nullptr;      // [N m]
 };
 
 struct MotionResult {

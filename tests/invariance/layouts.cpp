@@ -3,8 +3,8 @@
 
 #include <set>
 
-#include "tests/invariance/scenes.hpp"
 #include "tests/invariance/trace.hpp"
+#include "tests/support/flow_scenes.hpp"
 
 using namespace moraine;
 

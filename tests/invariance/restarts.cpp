@@ -1,8 +1,8 @@
 // A run that goes on from a checkpoint is the run that was never broken.
 #include <catch2/catch.hpp>
 
-#include "tests/invariance/scenes.hpp"
 #include "tests/invariance/trace.hpp"
+#include "tests/support/flow_scenes.hpp"
 
 using namespace moraine;
 
@@ -16,7 +16,8 @@ TEST_CASE("a run restored from a checkpoint on other threads is the unbroken run
       const Image image = unbroken.checkpoint();
       Simulation restored(scene, n_threads, image);
       CHECK(trace::difference(image, restored.checkpoint()) == "");
-      CHECK(trace::difference(trace::record(unbroken, n_steps / 12, 100), trace::record(restored, n_steps / 12, 100)) == "");
+      CHECK(trace::difference(trace::record(unbroken, n_steps / 12, 100), trace::record(restored, n_steps / 12, 100)) ==
+            "");
       CHECK(trace::difference(unbroken.checkpoint(), restored.checkpoint()) == "");
     }
   }

@@ -21,8 +21,8 @@ struct Bits {
 };
 
 inline Bits ledger_bits(const EnergyLedger& e) {
-  return {{e.kinetic, e.rotational, e.elastic_normal, e.elastic_tangential, e.potential, e.lost_normal, e.lost_tangential,
-           e.lost_friction, e.lost_drag, e.left, e.initial}};
+  return {{e.kinetic, e.rotational, e.elastic_normal, e.elastic_tangential, e.potential, e.lost_normal,
+           e.lost_tangential, e.lost_friction, e.lost_drag, e.left, e.initial}};
 }
 
 struct Moment {
@@ -40,7 +40,8 @@ inline Moment look(Simulation& simulation) {
   moment.n_born = simulation.n_born();
   moment.n_left = simulation.n_left();
   moment.n_inside = simulation.snapshot().n_grains;
-  for (std::size_t k = 0; k < simulation.scene().output.probes.size(); ++k) moment.probes.push_back({simulation.probe_row(k)});
+  for (std::size_t k = 0; k < simulation.scene().output.probes.size(); ++k)
+    moment.probes.push_back({simulation.probe_row(k)});
   if (simulation.scene().output.energy) moment.ledger = ledger_bits(simulation.energy());
   return moment;
 }
@@ -86,12 +87,14 @@ inline std::string difference(const Image& x, const Image& y) {
   if (x.fields.size() != y.fields.size()) return "number of fields";
   for (std::size_t k = 0; k < x.fields.size(); ++k) {
     const std::string name(info(x.fields[k].field).name);
-    if (x.fields[k].field != y.fields[k].field || x.fields[k].gids != y.fields[k].gids || x.fields[k].indices != y.fields[k].indices ||
-        !(Bits{x.fields[k].reals} == Bits{y.fields[k].reals}))
+    if (x.fields[k].field != y.fields[k].field || x.fields[k].gids != y.fields[k].gids ||
+        x.fields[k].indices != y.fields[k].indices || !(Bits{x.fields[k].reals} == Bits{y.fields[k].reals}))
       return "field " + name;
   }
-  if (x.pairs != y.pairs) return "pair history (" + std::to_string(x.pairs.size()) + " and " + std::to_string(y.pairs.size()) + ")";
-  if (x.walls != y.walls) return "wall history (" + std::to_string(x.walls.size()) + " and " + std::to_string(y.walls.size()) + ")";
+  if (x.pairs != y.pairs)
+    return "pair history (" + std::to_string(x.pairs.size()) + " and " + std::to_string(y.pairs.size()) + ")";
+  if (x.walls != y.walls)
+    return "wall history (" + std::to_string(x.walls.size()) + " and " + std::to_string(y.walls.size()) + ")";
   if (x.accumulators != y.accumulators) return "accumulators";
   if (!(x.hash == y.hash)) return "hash";
   return "";

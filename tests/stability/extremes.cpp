@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "engine/run/simulation.hpp"
-#include "tests/invariance/scenes.hpp"
+#include "tests/support/flow_scenes.hpp"
 
 using namespace moraine;
 
@@ -30,7 +30,8 @@ Scene scene_of(const std::vector<Grain>& grains) {
   s.domain.low = {-1, -1, -1};
   s.domain.high = {1, 1, 1};
   ListedGrains list;
-  for (const Grain& grain : grains) list.grains.push_back({grain.position, grain.velocity, grain.angular_velocity, 0.0, 0});
+  for (const Grain& grain : grains)
+    list.grains.push_back({grain.position, grain.velocity, grain.angular_velocity, 0.0, 0});
   list.has_velocity = true;
   ParticleGroup group;
   group.material = "glass";
@@ -58,7 +59,8 @@ double largest_speed(const Simulation& simulation) {
 
 TriangleMesh corner_of_three(double size) {
   TriangleMesh mesh;
-  mesh.vertices = {{0, 0, 0}, {size, 0, 0}, {0, size, 0}, {0, 0, size}, {size, size, 0}, {size, 0, size}, {0, size, size}};
+  mesh.vertices = {{0, 0, 0},       {size, 0, 0},    {0, size, 0},   {0, 0, size},
+                   {size, size, 0}, {size, 0, size}, {0, size, size}};
   mesh.triangles = {{0, 1, 4}, {0, 4, 2}, {0, 3, 5}, {0, 5, 1}, {0, 2, 6}, {0, 6, 3}};
   return mesh;
 }
@@ -140,10 +142,12 @@ TEST_CASE("a grain shot at an edge or a vertex of a mesh bounces off and gains n
       // A roof whose ridge lies along y; a pyramid whose top is at the origin.
       TriangleMesh mesh;
       if (is_vertex) {
-        mesh.vertices = {{0, 0, 0}, {0.05, 0.05, -0.05}, {-0.05, 0.05, -0.05}, {-0.05, -0.05, -0.05}, {0.05, -0.05, -0.05}};
+        mesh.vertices = {
+            {0, 0, 0}, {0.05, 0.05, -0.05}, {-0.05, 0.05, -0.05}, {-0.05, -0.05, -0.05}, {0.05, -0.05, -0.05}};
         mesh.triangles = {{0, 1, 2}, {0, 2, 3}, {0, 3, 4}, {0, 4, 1}};
       } else {
-        mesh.vertices = {{0, -0.05, 0}, {0, 0.05, 0}, {0.05, -0.05, -0.05}, {0.05, 0.05, -0.05}, {-0.05, -0.05, -0.05}, {-0.05, 0.05, -0.05}};
+        mesh.vertices = {{0, -0.05, 0},       {0, 0.05, 0},          {0.05, -0.05, -0.05},
+                         {0.05, 0.05, -0.05}, {-0.05, -0.05, -0.05}, {-0.05, 0.05, -0.05}};
         mesh.triangles = {{0, 2, 1}, {1, 2, 3}, {0, 1, 4}, {1, 5, 4}};
       }
       Scene s = scene_of({{{offset, 0.3 * offset, 0.008}, {0, 0, -1.0}, {}}});
@@ -208,7 +212,8 @@ TEST_CASE("a cluster without gravity keeps its momentum, and its angular momentu
       for (std::size_t i = 0; i < image.n_grains; ++i) {
         const Vec3 v = vector_of(image, Field::velocity, i), w = vector_of(image, Field::angular_velocity, i);
         // positions half a step back, where the velocities are: torque of equal and opposite forces is then exact
-        const Vec3 x = vector_of(image, Field::position, i) - (simulation.step_number() ? 0.5 * simulation.time_step() : 0.0) * v;
+        const Vec3 x =
+            vector_of(image, Field::position, i) - (simulation.step_number() ? 0.5 * simulation.time_step() : 0.0) * v;
         const Vec3 l = mass * cross(x, v) + 0.4 * mass * radius * radius * w;
         momentum += mass * v;
         angular += l;

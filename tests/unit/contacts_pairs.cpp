@@ -13,7 +13,8 @@ namespace {
 /// Boxes from wide to hardly wider than a grain, in all combinations of periodic directions.
 std::vector<Setting> settings() {
   std::vector<Setting> all;
-  const Vec3 sizes[] = {{1.0, 1.1, 1.2}, {0.9, 0.201, 0.3}, {0.25, 0.41, 0.42}, {0.201, 0.203, 0.202}, {2.0, 0.15, 0.45}};
+  const Vec3 sizes[] = {
+      {1.0, 1.1, 1.2}, {0.9, 0.201, 0.3}, {0.25, 0.41, 0.42}, {0.201, 0.203, 0.202}, {2.0, 0.15, 0.45}};
   for (const Vec3 size : sizes)
     for (int mask = 0; mask < 8; ++mask)
       for (const double skin : {0.0, 0.02}) {
@@ -24,7 +25,8 @@ std::vector<Setting> settings() {
         double widest = 1.0;
         for (int axis = 0; axis < 3; ++axis)
           if (setting.periodic[static_cast<std::size_t>(axis)]) widest = std::min(widest, size[axis]);
-        setting.largest = std::min(0.1, 0.499 * (widest - skin));  // the widest that the run allows: 2 r + skin < period
+        setting.largest =
+            std::min(0.1, 0.499 * (widest - skin));  // the widest that the run allows: 2 r + skin < period
         setting.smallest = 0.3 * setting.largest;
         setting.skin = skin;
         setting.n = static_cast<int>(80 + 40 * (mask % 3));
@@ -56,7 +58,9 @@ TEST_CASE("the pair list holds every near pair of grains and images once, from t
   CHECK(n_through > 10000);
 }
 
-TEST_CASE("a grain that nearly fills a periodic box is a pair with its own images, once each, and with none where nothing is periodic") {
+TEST_CASE(
+    "a grain that nearly fills a periodic box is a pair with its own images, once each, and with none where nothing is "
+    "periodic") {
   for (int mask = 0; mask < 8; ++mask) {
     Setting setting;
     setting.domain = {{0, 0, 0}, {1.01, 1.02, 1.03}};
@@ -108,7 +112,9 @@ TEST_CASE("the order of the grains does not depend on the number of threads") {
   CHECK(one.order() == many.order());
 }
 
-TEST_CASE("entries of every grain are complete, in order of the other's gid, with the sign of its side and a slot of their own") {
+TEST_CASE(
+    "entries of every grain are complete, in order of the other's gid, with the sign of its side and a slot of their "
+    "own") {
   std::uint64_t seed = 101;
   std::size_t n_kept = 0, n_ring = 0;
   for (Setting setting : settings()) {
@@ -134,9 +140,10 @@ TEST_CASE("entries of every grain are complete, in order of the other's gid, wit
             const auto p = static_cast<std::size_t>(k);
             const Slot slot{mine.a[p], mine.b[p], mine.image.size() ? mine.image[p] : std::uint8_t{0}};
             if (slot.a == particles.dummy()) continue;
-            const bool is_new = k < tile.kept_begin
-                                    ? ring[t].emplace(static_cast<std::uint32_t>(k), slot).second
-                                    : kept.emplace(tile.kept_slot + static_cast<std::uint32_t>(k - tile.kept_begin), slot).second;
+            const bool is_new =
+                k < tile.kept_begin
+                    ? ring[t].emplace(static_cast<std::uint32_t>(k), slot).second
+                    : kept.emplace(tile.kept_slot + static_cast<std::uint32_t>(k - tile.kept_begin), slot).second;
             REQUIRE(is_new);
           }
       }
@@ -149,7 +156,8 @@ TEST_CASE("entries of every grain are complete, in order of the other's gid, wit
         const ThreadPairs& mine = built.list.threads()[t];
         for (std::int32_t i = mine.grain_begin; i < mine.grain_end; ++i) {
           const auto first = static_cast<std::size_t>(i - mine.grain_begin);
-          REQUIRE(static_cast<int>(mine.offsets[first + 1] - mine.offsets[first]) == n_ends[static_cast<std::size_t>(i)]);
+          REQUIRE(static_cast<int>(mine.offsets[first + 1] - mine.offsets[first]) ==
+                  n_ends[static_cast<std::size_t>(i)]);
           std::tuple<std::uint64_t, int, int> last{0, -1, -1};
           for (std::uint32_t q = mine.offsets[first]; q < mine.offsets[first + 1]; ++q) {
             const Entry entry = mine.entries[q];
@@ -196,7 +204,7 @@ TEST_CASE("ring slots of a tile's grains are not overwritten before the tile is 
                  q < mine.offsets[static_cast<std::size_t>(i - mine.grain_begin) + 1]; ++q) {
               if (mine.entries[q] & entry_is_kept) continue;
               const std::int64_t slot = mine.entries[q] >> 2;
-              REQUIRE(slot < newest);                                  // filled by now ...
+              REQUIRE(slot < newest);                                      // filled by now ...
               REQUIRE(newest - slot <= std::int64_t{mine.ring_mask} + 1);  // ... and still there
             }
         }
@@ -223,7 +231,8 @@ TEST_CASE("what pairs remember follows them through rebuilds, sorting, crossing 
     const auto& ca = crossings[particles.gid(a)];
     const auto& cb = crossings[particles.gid(b)];
     double sum = 1.0 + static_cast<double>(particles.gid(a)) * 1e4 + static_cast<double>(particles.gid(b));
-    for (std::size_t axis = 0; axis < 3; ++axis) sum += std::pow(0.01, static_cast<double>(axis) + 1) * (10 + steps[axis] + ca[axis] - cb[axis]);
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      sum += std::pow(0.01, static_cast<double>(axis) + 1) * (10 + steps[axis] + ca[axis] - cb[axis]);
     return sum;
   };
   for (ThreadPairs& t : built.list.threads())
@@ -254,11 +263,12 @@ TEST_CASE("what pairs remember follows them through rebuilds, sorting, crossing 
     }
     const PairCarry carry = built.list.carry(particles.size(), true, 3);
     build(built, particles, setting, needs_of(setting), carry, 1 + round % 4);
-    built.list.for_each(particles.dummy(), [&](std::int32_t a, std::int32_t b, std::uint8_t code, const PairMemory* memory) {
-      if (memory->displacement[0] == 0.0) return;  // new in the list, or gone for a while
-      ++n_kept;
-      REQUIRE(memory->displacement[0] == Approx(mark(a, b, code)).epsilon(1e-14));
-    });
+    built.list.for_each(particles.dummy(),
+                        [&](std::int32_t a, std::int32_t b, std::uint8_t code, const PairMemory* memory) {
+                          if (memory->displacement[0] == 0.0) return;  // new in the list, or gone for a while
+                          ++n_kept;
+                          REQUIRE(memory->displacement[0] == Approx(mark(a, b, code)).epsilon(1e-14));
+                        });
   }
   CHECK(n_crossings > 100);
   CHECK(n_kept > 8 * before.size());

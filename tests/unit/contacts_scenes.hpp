@@ -10,7 +10,7 @@
 
 #include "engine/contacts/pair_list.hpp"
 #include "engine/particles/particles.hpp"
-#include "tests/unit/surface_shapes.hpp"
+#include "tests/support/surface_shapes.hpp"
 
 namespace moraine::contacts_test {
 
@@ -29,7 +29,8 @@ inline Particles random_particles(const Setting& setting, std::uint64_t seed) {
   particles.resize(setting.n);
   std::vector<std::uint64_t> gids(static_cast<std::size_t>(setting.n));
   std::iota(gids.begin(), gids.end(), std::uint64_t{1000});
-  for (std::size_t i = gids.size(); i > 1; --i) std::swap(gids[i - 1], gids[static_cast<std::size_t>(dice.index(static_cast<int>(i)))]);
+  for (std::size_t i = gids.size(); i > 1; --i)
+    std::swap(gids[i - 1], gids[static_cast<std::size_t>(dice.index(static_cast<int>(i)))]);
   for (std::int32_t i = 0; i < setting.n; ++i) {
     const Vec3 p = dice.point(setting.domain.low, setting.domain.high);
     for (int c = 0; c < 3; ++c) {
@@ -75,7 +76,8 @@ inline PairCount pairs_by_brute_force(const Particles& particles, const Setting&
           for (int z = -most(2); z <= most(2); ++z) {
             const std::uint8_t code = image::code(x, y, z);
             if (i == j && !image::is_positive(code)) continue;
-            const Vec3 separation = particles.position(i) - particles.position(j) + Vec3{x * period.x, y * period.y, z * period.z};
+            const Vec3 separation =
+                particles.position(i) - particles.position(j) + Vec3{x * period.x, y * period.y, z * period.z};
             const double reach = particles.radius(i) + particles.radius(j) + skin;
             if (squared_length(separation) < reach * reach) ++pairs[{particles.gid(i), particles.gid(j), code}];
           }
@@ -95,9 +97,9 @@ inline PairCount pairs_of(const PairList& list, const Particles& particles) {
 inline std::string difference(const PairCount& expected, const PairCount& found) {
   const auto text = [](const PairKey& key, int n_expected, int n_found) {
     const auto steps = image::steps(static_cast<std::uint8_t>(std::get<2>(key)));
-    return "grains " + std::to_string(std::get<0>(key)) + " and " + std::to_string(std::get<1>(key)) + ", image (" + std::to_string(steps[0]) +
-           ", " + std::to_string(steps[1]) + ", " + std::to_string(steps[2]) + "): expected " + std::to_string(n_expected) + " times, found " +
-           std::to_string(n_found);
+    return "grains " + std::to_string(std::get<0>(key)) + " and " + std::to_string(std::get<1>(key)) + ", image (" +
+           std::to_string(steps[0]) + ", " + std::to_string(steps[1]) + ", " + std::to_string(steps[2]) +
+           "): expected " + std::to_string(n_expected) + " times, found " + std::to_string(n_found);
   };
   for (const auto& [key, n] : expected) {
     const auto other = found.find(key);
@@ -114,8 +116,8 @@ struct Built {
 };
 
 /// Sorts the grains and makes the list, as a rebuild does.
-inline void build(Built& built, Particles& particles, const Setting& setting, const PairNeeds& needs, const PairCarry& carry,
-                  int n_threads) {
+inline void build(Built& built, Particles& particles, const Setting& setting, const PairNeeds& needs,
+                  const PairCarry& carry, int n_threads) {
   double largest = 0.0;
   for (std::int32_t i = 0; i < particles.size(); ++i) largest = std::max(largest, particles.radius(i));
   const std::vector<Vec3> shifts = image_shifts(setting.domain);

@@ -13,7 +13,7 @@
 #include "engine/particles/aligned_array.hpp"
 #include "kernels/contact/reference/reference.hpp"
 #include "kernels/contact/sweep.hpp"
-#include "tests/unit/surface_shapes.hpp"
+#include "tests/support/surface_shapes.hpp"
 
 namespace moraine::kernels_test {
 
@@ -23,17 +23,19 @@ inline constexpr double dt = 1e-5;
 inline std::vector<LawChoice> all_choices() {
   std::vector<LawChoice> all;
   for (const NormalLaw normal : {NormalLaw::linear, NormalLaw::hertz})
-    for (const TangentialLaw tangential :
-         {TangentialLaw::none, TangentialLaw::viscous, TangentialLaw::spring, TangentialLaw::mindlin, TangentialLaw::power})
+    for (const TangentialLaw tangential : {TangentialLaw::none, TangentialLaw::viscous, TangentialLaw::spring,
+                                           TangentialLaw::mindlin, TangentialLaw::power})
       if (is_listed(normal, tangential))
-        for (int bits = 0; bits < 8; ++bits) all.push_back({normal, tangential, (bits & 1) != 0, (bits & 2) != 0, (bits & 4) != 0});
+        for (int bits = 0; bits < 8; ++bits)
+          all.push_back({normal, tangential, (bits & 1) != 0, (bits & 2) != 0, (bits & 4) != 0});
   return all;
 }
 
 inline std::string name_of(const LawChoice& c) {
   static constexpr const char* tangential[] = {"none", "viscous", "spring", "mindlin", "power"};
-  return std::string(c.normal == NormalLaw::linear ? "linear" : "hertz") + " " + tangential[static_cast<int>(c.tangential)] +
-         (c.has_rotation ? ", rotation" : "") + (c.is_uniform ? ", uniform" : "") + (c.has_ledger ? ", ledger" : "");
+  return std::string(c.normal == NormalLaw::linear ? "linear" : "hertz") + " " +
+         tangential[static_cast<int>(c.tangential)] + (c.has_rotation ? ", rotation" : "") +
+         (c.is_uniform ? ", uniform" : "") + (c.has_ledger ? ", ledger" : "");
 }
 
 inline LawTable random_table(shapes::Dice& dice) {
@@ -55,7 +57,9 @@ inline LawTable random_table(shapes::Dice& dice) {
 }
 
 /// True where the tangential law remembers a displacement.
-inline bool has_history(const LawChoice& c) { return c.tangential != TangentialLaw::none && c.tangential != TangentialLaw::viscous; }
+inline bool has_history(const LawChoice& c) {
+  return c.tangential != TangentialLaw::none && c.tangential != TangentialLaw::viscous;
+}
 
 /// A vector across `normal` of random direction.
 inline Vec3 tangent(shapes::Dice& dice, Vec3 normal, double size) {
@@ -63,13 +67,15 @@ inline Vec3 tangent(shapes::Dice& dice, Vec3 normal, double size) {
 }
 
 /// Sizes of history from nothing to far beyond what friction holds.
-inline double random_size(shapes::Dice& dice) { return dice.index(4) == 0 ? 0.0 : std::pow(10.0, dice.uniform(-8.0, -3.5)); }
+inline double random_size(shapes::Dice& dice) {
+  return dice.index(4) == 0 ? 0.0 : std::pow(10.0, dice.uniform(-8.0, -3.5));
+}
 
 /// Pairs of two grains each, filled up with the dummy; grain 2k and 2k + 1 belong to pair k.
 struct Pairs {
   LawChoice choice;
   LawTable table;
-  int n = 0;                          // without filling
+  int n = 0;  // without filling
   AlignedArray<double> records, history, slots;
   std::vector<std::int32_t> a, b;
   std::vector<std::uint8_t> image, species;
@@ -77,12 +83,24 @@ struct Pairs {
   double inverse_mass = 0.0, radius = 0.0;
 
   double* record(std::int32_t i) { return records.data() + std::int64_t{i} * record_size(choice.has_rotation); }
-  const double* record(std::int32_t i) const { return records.data() + std::int64_t{i} * record_size(choice.has_rotation); }
+  const double* record(std::int32_t i) const {
+    return records.data() + std::int64_t{i} * record_size(choice.has_rotation);
+  }
   int slot_doubles() const { return slot_size(choice.has_rotation, choice.has_ledger); }
   Range range() const { return {0, static_cast<std::int64_t>(a.size())}; }
   PairSweep sweep() {
-    return {records.data(), a.data(), b.data(), image.data(), shifts.data(), choice.is_uniform ? nullptr : species.data(),
-            history.data(), &table, inverse_mass, radius, dt, 0.5};
+    return {records.data(),
+            a.data(),
+            b.data(),
+            image.data(),
+            shifts.data(),
+            choice.is_uniform ? nullptr : species.data(),
+            history.data(),
+            &table,
+            inverse_mass,
+            radius,
+            dt,
+            0.5};
   }
   SweepResult run() { return contact_kernels(choice).pairs(sweep(), range(), slots.data()); }
 };
@@ -132,7 +150,8 @@ inline Pairs random_pairs(const LawChoice& choice, int n, std::uint64_t seed) {
     }
     const double smaller = std::min(radii[0], radii[1]);
     // a third part or so only near each other
-    const double overlap = smaller * (dice.index(3) == 0 ? -dice.uniform(0.0, 0.3) : std::pow(10.0, dice.uniform(-3.0, -0.4)));
+    const double overlap =
+        smaller * (dice.index(3) == 0 ? -dice.uniform(0.0, 0.3) : std::pow(10.0, dice.uniform(-3.0, -0.4)));
     const Vec3 normal = dice.direction();
     const Vec3 separation = (radii[0] + radii[1] - overlap) * normal;
     const Vec3 at_b = dice.point({0, 0, 0}, period);
@@ -142,7 +161,8 @@ inline Pairs random_pairs(const LawChoice& choice, int n, std::uint64_t seed) {
       double* const r = pairs.record(side ? pairs.b[p] : pairs.a[p]);
       const Vec3 x = side ? at_b : at_a, v = speed * dice.direction(), w = speed / smaller * dice.direction();
       const double mass = 2500.0 * 4.0 / 3.0 * std::numbers::pi * std::pow(radii[side], 3);
-      const double values[12] = {x.x, x.y, x.z, radii[side], v.x, v.y, v.z, choice.is_uniform ? pairs.inverse_mass : 1.0 / mass,
+      const double values[12] = {x.x, x.y, x.z, radii[side],
+                                 v.x, v.y, v.z, choice.is_uniform ? pairs.inverse_mass : 1.0 / mass,
                                  w.x, w.y, w.z, 1.0 / (0.4 * mass * radii[side] * radii[side])};
       std::copy_n(values, record_size(choice.has_rotation), r);
     }
@@ -210,6 +230,8 @@ class OnTarget {
   OnTarget& operator=(const OnTarget&) = delete;
 };
 
-inline bool same_bits(const double* x, const double* y, std::size_t n) { return std::memcmp(x, y, n * sizeof(double)) == 0; }
+inline bool same_bits(const double* x, const double* y, std::size_t n) {
+  return std::memcmp(x, y, n * sizeof(double)) == 0;
+}
 
 }  // namespace moraine::kernels_test

@@ -46,7 +46,8 @@ struct MotionSetup {
       const int n_entries = dice.index(9);
       for (int q = 0; q < n_entries; ++q) {
         const bool is_kept = dice.index(3) == 0;
-        entries.push_back(make_entry(static_cast<std::uint32_t>(is_kept ? dice.index(300) : 1000 + dice.index(256)), is_kept, dice.index(2) == 0));
+        entries.push_back(make_entry(static_cast<std::uint32_t>(is_kept ? dice.index(300) : 1000 + dice.index(256)),
+                                     is_kept, dice.index(2) == 0));
       }
       offsets.push_back(static_cast<std::uint32_t>(entries.size()));
       for (int q = dice.index(3); q > 1 && wall_grain.size() < 200; --q) wall_grain.push_back(i);
@@ -91,7 +92,8 @@ PlainGrain plain_advance(const MotionSetup& m, int i) {
   for (std::uint32_t q = m.offsets[static_cast<std::size_t>(i)]; q < m.offsets[static_cast<std::size_t>(i) + 1]; ++q) {
     const Entry entry = m.entries[q];
     const std::size_t index = entry >> 2;
-    add(entry & entry_is_kept ? m.kept.data() + index * slot : m.ring.data() + (index & 255) * slot, (entry & entry_is_b) != 0);
+    add(entry & entry_is_kept ? m.kept.data() + index * slot : m.ring.data() + (index & 255) * slot,
+        (entry & entry_is_b) != 0);
   }
   for (std::size_t w = 0; w < m.wall_grain.size(); ++w)
     if (m.wall_grain[w] == i) add(m.walls.data() + w * slot, false);
@@ -136,13 +138,16 @@ TEST_CASE("the motion kernel sums and advances as plain code does") {
         REQUIRE(r[4 + k] == Approx(static_cast<double>(g.v[k])).margin(1e-14));
         if (rotation) REQUIRE(r[8 + k] == Approx(static_cast<double>(g.w[k])).margin(1e-14));
         REQUIRE(m.force[static_cast<std::size_t>(3 * i + k)] == Approx(static_cast<double>(g.force[k])).margin(1e-13));
-        if (rotation) REQUIRE(m.torque[static_cast<std::size_t>(3 * i + k)] == Approx(static_cast<double>(g.moment[k])).margin(1e-13));
+        if (rotation)
+          REQUIRE(m.torque[static_cast<std::size_t>(3 * i + k)] ==
+                  Approx(static_cast<double>(g.moment[k])).margin(1e-13));
         square += r[4 + k] * r[4 + k];
         is_any_outside = is_any_outside || r[k] < -2.0 || r[k] >= 2.0;
       }
       if (ledger)
         for (std::size_t k = 0; k < 4; ++k)
-          REQUIRE(m.dissipated[static_cast<std::size_t>(4 * i) + k] == Approx(static_cast<double>(g.lost[k])).margin(1e-13));
+          REQUIRE(m.dissipated[static_cast<std::size_t>(4 * i) + k] ==
+                  Approx(static_cast<double>(g.lost[k])).margin(1e-13));
       fastest = std::max(fastest, square);
       for (const int k : {3, 7}) REQUIRE(r[k] == before[static_cast<std::size_t>(i * record_size(rotation) + k)]);
     }
@@ -265,18 +270,18 @@ TEST_CASE("an exact sum is rounded once, to the nearest double and ties to even"
   CHECK(sum({}) == 0.0);
   CHECK(sum({1e308, 1.0, -1e308}) == 1.0);
   CHECK(sum({1.0, 1e-300, -1.0}) == 1e-300);
-  CHECK(sum({1.0, eps / 2}) == 1.0);                          // a tie, to even
-  CHECK(sum({1.0 + eps, eps / 2}) == 1.0 + 2 * eps);          // a tie, to even
-  CHECK(sum({1.0, eps / 2, 5e-324}) == 1.0 + eps);            // just above the tie
-  CHECK(sum({1.0 + eps, eps / 2, -5e-324}) == 1.0 + eps);     // just below
+  CHECK(sum({1.0, eps / 2}) == 1.0);                       // a tie, to even
+  CHECK(sum({1.0 + eps, eps / 2}) == 1.0 + 2 * eps);       // a tie, to even
+  CHECK(sum({1.0, eps / 2, 5e-324}) == 1.0 + eps);         // just above the tie
+  CHECK(sum({1.0 + eps, eps / 2, -5e-324}) == 1.0 + eps);  // just below
   CHECK(sum({-1.0, -eps / 2, -5e-324}) == -1.0 - eps);
-  CHECK(sum({5e-324, 5e-324, 5e-324}) == 3 * 5e-324);         // subnormal
+  CHECK(sum({5e-324, 5e-324, 5e-324}) == 3 * 5e-324);  // subnormal
   CHECK(sum({0x1p-1022, -5e-324}) == 0x1p-1022 - 5e-324);
-  CHECK(sum({1e308, 1e308, -1e308}) == 1e308);                // beyond the largest double on the way
+  CHECK(sum({1e308, 1e308, -1e308}) == 1e308);  // beyond the largest double on the way
   CHECK(std::isinf(sum({1.7e308, 1.7e308})));
   CHECK(std::isnan(sum({1.0, infinity})));
   CHECK(std::isnan(sum({std::nan("")})));
-  CHECK(sum({0.1, 0.2, -0.3}) == 0x1p-55);                    // of the doubles nearest to these: 2^-55 just so
+  CHECK(sum({0.1, 0.2, -0.3}) == 0x1p-55);  // of the doubles nearest to these: 2^-55 just so
   shapes::Dice dice(61);
   for (int trial = 0; trial < 2000; ++trial) {  // four numbers whose sum a long double holds exactly
     std::vector<double> values;

@@ -14,24 +14,27 @@ constexpr int n_contacts = 4003;  // not a multiple of a group
 
 /// Sum of the sizes of what a force is made of: round-off is relative to these where they cancel, and that of the overlap to
 /// the distance of the centres.
-double force_scale(const LawTable& table, std::size_t species, const LawChoice& choice, const ReferenceContact& c, const ReferenceForce& f,
-                   double mirror) {
+double force_scale(const LawTable& table, std::size_t species, const LawChoice& choice, const ReferenceContact& c,
+                   const ReferenceForce& f, double mirror) {
   const PairParameters p = table.at(species);
   const double s = mirror * (c.a.inverse_mass + c.b.inverse_mass);
   const double k = choice.normal == NormalLaw::linear
                        ? p[Parameter::normal_stiffness]
                        : 2.0 * p[Parameter::young] * std::sqrt(c.overlap / (mirror * (c.a.curvature + c.b.curvature)));
-  const double v = length(c.a.velocity - c.b.velocity) + c.a.arm * length(c.a.angular_velocity) + c.b.arm * length(c.b.angular_velocity);
+  const double v = length(c.a.velocity - c.b.velocity) + c.a.arm * length(c.a.angular_velocity) +
+                   c.b.arm * length(c.b.angular_velocity);
   const double distance = 1.0 / c.a.curvature + (c.b.curvature > 0.0 ? 1.0 / c.b.curvature : 0.0);
   return length(f.force) + k * (c.overlap + 1e-3 * distance) + 2.0 * p[Parameter::damping] * std::sqrt(k / s) * v;
 }
 
 /// Most energy that a tangential spring of the power law can hold [J]: small displacements are told from it by a difference.
-double power_energy(const LawTable& table, std::size_t species, const LawChoice& choice, const ReferenceContact& c, double scale, double mirror) {
+double power_energy(const LawTable& table, std::size_t species, const LawChoice& choice, const ReferenceContact& c,
+                    double scale, double mirror) {
   if (choice.tangential != TangentialLaw::power) return 0.0;
   const PairParameters p = table.at(species);
   const double a = std::sqrt(c.overlap / (mirror * (c.a.curvature + c.b.curvature)));
-  const double k_t = choice.normal == NormalLaw::linear ? p[Parameter::tangential_stiffness] : 8.0 * p[Parameter::shear] * a;
+  const double k_t =
+      choice.normal == NormalLaw::linear ? p[Parameter::tangential_stiffness] : 8.0 * p[Parameter::shear] * a;
   const double limit = p[Parameter::friction] * scale;
   return limit * (p[Parameter::displacement] > 0.0 ? p[Parameter::displacement] : 1.5 * limit / k_t);
 }
@@ -41,9 +44,12 @@ struct Worst {
 };
 
 /// Compares a slot and a row of history with the reference; relative errors are gathered in `worst`.
-void compare(const LawChoice& choice, const double* slot, const double* history, const double* arms, const ReferenceContact& c,
-             const ReferenceForce& f, double scale, double most_energy, double share, Worst& worst) {
-  const auto note = [](double& most, double error, double size) { most = std::max(most, size > 0.0 ? error / size : error); };
+void compare(const LawChoice& choice, const double* slot, const double* history, const double* arms,
+             const ReferenceContact& c, const ReferenceForce& f, double scale, double most_energy, double share,
+             Worst& worst) {
+  const auto note = [](double& most, double error, double size) {
+    most = std::max(most, size > 0.0 ? error / size : error);
+  };
   note(worst.force, length(Vec3{slot[0], slot[1], slot[2]} - f.force), scale);
   if (choice.has_rotation) {
     const Vec3 moment{slot[4], slot[5], slot[6]};
@@ -51,7 +57,8 @@ void compare(const LawChoice& choice, const double* slot, const double* history,
     if (c.b.arm > 0.0) note(worst.torque, length(-arms[1] * moment - f.torque_b), scale * c.b.arm);
   }
   const bool remembers = has_history(choice);
-  const double v = length(c.a.velocity - c.b.velocity) + c.a.arm * length(c.a.angular_velocity) + c.b.arm * length(c.b.angular_velocity);
+  const double v = length(c.a.velocity - c.b.velocity) + c.a.arm * length(c.a.angular_velocity) +
+                   c.b.arm * length(c.b.angular_velocity);
   if (remembers) {
     const double size = length(f.displacement) + length(c.displacement) + v * dt;
     note(worst.history, length(Vec3{history[0], history[1], history[2]} - f.displacement), size + scale * 1e-4 / 1e3);
@@ -120,7 +127,8 @@ TEST_CASE("pairs of the dummy grain give zeros beside pairs that touch") {
     Pairs pairs = random_pairs(choice, n_contacts, 12);
     pairs.run();
     for (std::int64_t k = pairs.n; k < pairs.range().end; ++k)
-      for (int q = 0; q < pairs.slot_doubles(); ++q) REQUIRE(pairs.slots[static_cast<std::size_t>(k * pairs.slot_doubles() + q)] == 0.0);
+      for (int q = 0; q < pairs.slot_doubles(); ++q)
+        REQUIRE(pairs.slots[static_cast<std::size_t>(k * pairs.slot_doubles() + q)] == 0.0);
   }
 }
 
@@ -131,7 +139,8 @@ TEST_CASE("a pair gives the same bits in any lane and beside any others") {
     std::vector<std::size_t> order(static_cast<std::size_t>(plain.n));
     std::iota(order.begin(), order.end(), std::size_t{0});
     shapes::Dice dice(3);
-    for (std::size_t i = order.size(); i > 1; --i) std::swap(order[i - 1], order[static_cast<std::size_t>(dice.index(static_cast<int>(i)))]);
+    for (std::size_t i = order.size(); i > 1; --i)
+      std::swap(order[i - 1], order[static_cast<std::size_t>(dice.index(static_cast<int>(i)))]);
     for (std::size_t k = 0; k < order.size(); ++k) {
       shuffled.a[k] = plain.a[order[k]];
       shuffled.b[k] = plain.b[order[k]];
@@ -237,9 +246,11 @@ struct Walls {
   double* column(std::size_t c) { return columns.data() + c * filled; }
   WallSweep sweep() {
     return {records.data(),
-            {grain.data(), column(0), column(1), column(2), column(3), column(4), column(5), column(6), column(7), species.data(),
-             history.data(), slots.data()},
-            &table, dt, 0.5};
+            {grain.data(), column(0), column(1), column(2), column(3), column(4), column(5), column(6), column(7),
+             species.data(), history.data(), slots.data()},
+            &table,
+            dt,
+            0.5};
   }
   SweepResult run() { return contact_kernels(choice).walls(sweep(), {0, static_cast<std::int64_t>(filled)}); }
   int slot_doubles() const { return slot_size(choice.has_rotation, choice.has_ledger); }
@@ -273,12 +284,14 @@ Walls random_walls(const LawChoice& choice, int n, std::uint64_t seed) {
     w.grain[p] = k;
     w.species[p] = static_cast<std::uint8_t>(dice.index(n_species));
     const double radius = 0.01 * std::pow(10.0, dice.uniform(-1.0, 0.0));
-    const double overlap = radius * (dice.index(4) == 0 ? -dice.uniform(0.0, 0.3) : std::pow(10.0, dice.uniform(-3.0, -0.4)));
+    const double overlap =
+        radius * (dice.index(4) == 0 ? -dice.uniform(0.0, 0.3) : std::pow(10.0, dice.uniform(-3.0, -0.4)));
     const Vec3 normal = dice.direction(), x = dice.point({-1, -1, -1}, {1, 1, 1});
     const double speed = std::pow(10.0, dice.uniform(-4.0, 0.5));
     const Vec3 v = speed * dice.direction(), spin = speed / radius * dice.direction();
     const double mass = 2500.0 * 4.0 / 3.0 * std::numbers::pi * radius * radius * radius;
-    const double values[12] = {x.x, x.y, x.z, radius, v.x, v.y, v.z, 1.0 / mass, spin.x, spin.y, spin.z, 1.0 / (0.4 * mass * radius * radius)};
+    const double values[12] = {x.x, x.y,        x.z,    radius, v.x,    v.y,
+                               v.z, 1.0 / mass, spin.x, spin.y, spin.z, 1.0 / (0.4 * mass * radius * radius)};
     std::copy_n(values, stride, w.records.data() + std::int64_t{k} * stride);
     const double mirror = dice.index(3) == 0 ? 2.0 : 1.0;
     const Vec3 wall = mirror == 2.0 ? Vec3{} : 0.3 * speed * dice.direction();
@@ -321,7 +334,8 @@ TEST_CASE("every compiled wall sweep gives what the reference gives, at walls an
       c.b.velocity = {walls.column(4)[p], walls.column(5)[p], walls.column(6)[p]};
       c.displacement = {before[4 * p], before[4 * p + 1], before[4 * p + 2]};
       c.stored = before[4 * p + 3];
-      const ReferenceForce f = reference_contact(choice.normal, choice.tangential, choice.has_rotation, walls.table.at(walls.species[p]), c, dt, mirror);
+      const ReferenceForce f = reference_contact(choice.normal, choice.tangential, choice.has_rotation,
+                                                 walls.table.at(walls.species[p]), c, dt, mirror);
       const double arms[2] = {slot[3], 0.0};
       const double scale = force_scale(walls.table, walls.species[p], choice, c, f, mirror);
       compare(choice, slot, walls.history.data() + 4 * k, arms, c, f, scale,
@@ -348,7 +362,8 @@ TEST_CASE("every instruction set gives the same bits at walls") {
       all.push_back(random_walls(choice, n_contacts, 22));
       all.back().run();
     }
-    CHECK(same_bits(all[0].slots.data(), all[1].slots.data(), static_cast<std::size_t>(all[0].n * all[0].slot_doubles())));
+    CHECK(same_bits(all[0].slots.data(), all[1].slots.data(),
+                    static_cast<std::size_t>(all[0].n * all[0].slot_doubles())));
     CHECK(same_bits(all[0].history.data(), all[1].history.data(), all[0].history.size()));
   }
 }

@@ -2,7 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include "engine/run/simulation.hpp"
-#include "tests/invariance/scenes.hpp"
+#include "tests/support/flow_scenes.hpp"
 
 using namespace moraine;
 
@@ -55,8 +55,9 @@ TEST_CASE("a grain that leaves through a face without an outlet is named with th
     const std::string text = error_of(listed({other, grain}), 10);
     INFO(text);
     CHECK(text.find("grain 1 (material glass, radius 0.005 m, at (") != std::string::npos);
-    CHECK(text.find(std::string("has left the domain through ") + faces[face] + " and there is no outlet: put an [[outlet]] with face = \"" +
-                    faces[face] + "\" there, close the walls, or make the domain larger") != std::string::npos);
+    CHECK(text.find(std::string("has left the domain through ") + faces[face] +
+                    " and there is no outlet: put an [[outlet]] with face = \"" + faces[face] +
+                    "\" there, close the walls, or make the domain larger") != std::string::npos);
   }
   GrainSeed grain;
   grain.position = {0.5, 0.5, 0.0015};
@@ -64,8 +65,10 @@ TEST_CASE("a grain that leaves through a face without an outlet is named with th
   Scene s = listed({grain});
   s.time.step = 1e-4;
   CHECK(error_of(s, 10) ==
-        "step 1, t = 0.0001 s: grain 0 (material glass, radius 0.005 m, at (0.5, 0.5, -0.0005) m, velocity (0, 0, -10) m/s) has left the "
-        "domain through z-low and there is no outlet: put an [[outlet]] with face = \"z-low\" there, close the walls, or make the domain larger");
+        "step 1, t = 0.0001 s: grain 0 (material glass, radius 0.005 m, at (0.5, 0.5, -0.0005) m, velocity (0, 0, -10) "
+        "m/s) has left the "
+        "domain through z-low and there is no outlet: put an [[outlet]] with face = \"z-low\" there, close the walls, "
+        "or make the domain larger");
 }
 
 TEST_CASE("a grain too fast for its step is named, with how far it goes and what to do") {
@@ -75,8 +78,10 @@ TEST_CASE("a grain too fast for its step is named, with how far it goes and what
   Scene s = listed({grain});
   s.time.step = 1e-5;
   const std::string text = error_of(s, 10);
-  CHECK(text.starts_with("step 0, t = 0 s: grain 0 (material glass, radius 0.005 m, at (0.502, 0.5, 0.5) m, velocity (200, 0, 0) m/s) moves 0.4 "
-                         "of its radius in one step: contacts would be missed\n  it touches nothing\n  likely cause: "));
+  CHECK(
+      text.starts_with("step 0, t = 0 s: grain 0 (material glass, radius 0.005 m, at (0.502, 0.5, 0.5) m, velocity "
+                       "(200, 0, 0) m/s) moves 0.4 "
+                       "of its radius in one step: contacts would be missed\n  it touches nothing\n  likely cause: "));
   CHECK(text.find("set time.max_speed") != std::string::npos);
 }
 
@@ -92,9 +97,10 @@ TEST_CASE("an overlap that runs away is named with both grains, its depth, the l
   CHECK(text.find(" deep in grain 1 (material glass") != std::string::npos);
   CHECK(text.find("(limit run.max_overlap = 0.5)") != std::string::npos);
   CHECK(text.find("\n  it touches 1:\n    grain 1") != std::string::npos);
-  CHECK(text.find("\n  likely cause: grains too soft for their load or speed (raise the stiffness; the step then falls), or an impact faster "
-                  "than foreseen (set time.max_speed), or grains put into each other or into a wall; the step 4e-05 s is 32 to a contact") !=
-        std::string::npos);
+  CHECK(text.find("\n  likely cause: grains too soft for their load or speed (raise the stiffness; the step then "
+                  "falls), or an impact faster "
+                  "than foreseen (set time.max_speed), or grains put into each other or into a wall; the step 4e-05 s "
+                  "is 32 to a contact") != std::string::npos);
 }
 
 TEST_CASE("a step too long for the contacts is the likely cause that is named, with the step to take") {
@@ -112,13 +118,15 @@ TEST_CASE("grains or walls put into each other stop a run before it starts, with
   left.position = {0.5, 0.5, 0.5};
   right.position = {0.507, 0.5, 0.5};
   CHECK(start_error_of(listed({left, right})) ==
-        "particles[0].fill.positions: grain 0 of particles[0] and grain 1 of particles[0] overlap by 0.003 m, 60 % of the smaller radius; at "
+        "particles[0].fill.positions: grain 0 of particles[0] and grain 1 of particles[0] overlap by 0.003 m, 60 % of "
+        "the smaller radius; at "
         "most 20 % is allowed at the start (1 pair beyond it)");
   left.position = {0.5, 0.5, 0.003};
   Scene s = listed({left});
   scenes::add_wall(s, "floor", PlaneShape{{0, 0, 0}, {0, 0, 1}});
   CHECK(start_error_of(s) ==
-        "particles[0].fill.positions: grain 0 of particles[0] reaches 0.002 m, 40 % of its radius, into wall \"floor\"; at most 20 % is allowed "
+        "particles[0].fill.positions: grain 0 of particles[0] reaches 0.002 m, 40 % of its radius, into wall "
+        "\"floor\"; at most 20 % is allowed "
         "at the start (1 grain beyond it)");
   left.position = {0.5, 0.5, 0.0045};
   CHECK(start_error_of([&] {
@@ -195,7 +203,8 @@ TEST_CASE("grains of a second material keep their own law when all of the first 
     unbroken.step();
     restored.step();
   }
-  CHECK(unbroken.snapshot().find(Field::velocity)->reals[0] == Approx(-0.8).epsilon(0.01));  // restitution of steel; glass has 0.7
+  CHECK(unbroken.snapshot().find(Field::velocity)->reals[0] ==
+        Approx(-0.8).epsilon(0.01));  // restitution of steel; glass has 0.7
   CHECK(unbroken.state_hash() == restored.state_hash());
 }
 

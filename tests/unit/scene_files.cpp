@@ -1,5 +1,5 @@
-#include <catch2/catch.hpp>
 #include <zlib.h>
+#include <catch2/catch.hpp>
 
 #include <cstdint>
 #include <cstring>
@@ -36,7 +36,8 @@ std::string binary_stl(const std::vector<std::array<float, 9>>& triangles) {
 std::string fails(const std::filesystem::path& file) {
   try {
     const std::string ending = file.extension().string();
-    ending == ".stl" || ending == ".obj" || ending == ".ply" ? void(load_mesh(file)) : void(load_grains(file, {{"glass"}, {}, {}, {}, {}}));
+    ending == ".stl" || ending == ".obj" || ending == ".ply" ? void(load_mesh(file))
+                                                             : void(load_grains(file, {{"glass"}, {}, {}, {}, {}}));
   } catch (const FileError& error) {
     return error.what();
   }
@@ -62,7 +63,8 @@ TEST_CASE("an ascii STL is read with its vertices welded, scaled and moved") {
 TEST_CASE("a binary STL is read, and corners that differ by rounding become one") {
   const scene_text::Directory directory;
   const float third = 1.0f / 3.0f;
-  const auto file = directory.write("two.stl", binary_stl({{0, 0, 0, third, 0, 0, third, 1, 0}, {0, 0, 0, std::nextafter(third, 1.0f), 1, 0, 0, 1, 0}}));
+  const auto file = directory.write("two.stl", binary_stl({{0, 0, 0, third, 0, 0, third, 1, 0},
+                                                           {0, 0, 0, std::nextafter(third, 1.0f), 1, 0, 0, 1, 0}}));
   const TriangleMesh mesh = load_mesh(file);
   CHECK(mesh.vertices.size() == 4);
   CHECK(mesh.triangles.size() == 2);
@@ -81,8 +83,10 @@ TEST_CASE("meshes that cannot be read say why") {
   const auto path = [&](const char* name) { return (directory.path() / name).string(); };
   CHECK(fails(directory.path() / "none.stl") == "no such file: " + path("none.stl"));
   CHECK(fails(directory.write("empty.stl", "")) == "the file is empty: " + path("empty.stl"));
-  CHECK(fails(directory.write("a.ply", "ply")) == "\".ply\" is not a kind of mesh file that can be read; expected .stl or .obj: " + path("a.ply"));
-  CHECK(fails(directory.write("short.stl", "abc")) == "is not an STL file: 3 bytes, too few for any triangle: " + path("short.stl"));
+  CHECK(fails(directory.write("a.ply", "ply")) ==
+        "\".ply\" is not a kind of mesh file that can be read; expected .stl or .obj: " + path("a.ply"));
+  CHECK(fails(directory.write("short.stl", "abc")) ==
+        "is not an STL file: 3 bytes, too few for any triangle: " + path("short.stl"));
   const std::string whole = binary_stl({{0, 0, 0, 1, 0, 0, 1, 1, 0}, {0, 0, 0, 1, 1, 0, 0, 1, 0}});
   CHECK(fails(directory.write("cut.stl", whole.substr(0, 150))) ==
         "the file was cut short: 2 triangles need 184 bytes, it has 150: " + path("cut.stl"));
@@ -94,7 +98,8 @@ TEST_CASE("meshes that cannot be read say why") {
 TEST_CASE("a list of grains is read by the names of its columns") {
   const scene_text::Directory directory;
   const auto file = directory.write("grains.csv",
-                                    "# from a measurement\nz, y, x, d, vx, wz, material\n3, 2, 1, 0.5, 7, 9, steel\n\n6, 5, 4, 0.25, -7, 0, glass\r\n");
+                                    "# from a measurement\nz, y, x, d, vx, wz, material\n3, 2, 1, 0.5, 7, 9, "
+                                    "steel\n\n6, 5, 4, 0.25, -7, 0, glass\r\n");
   const ListedGrains listed = load_grains(file, {{"glass", "steel"}, {}, {2, 2, 2}, {1, 1, 1}, {}});
   CHECK(listed.source == "grains.csv");
   CHECK(listed.has_radius);
@@ -112,7 +117,8 @@ TEST_CASE("a list of grains is read by the names of its columns") {
 
 TEST_CASE("columns that a list lacks come from the scene") {
   const scene_text::Directory directory;
-  const ListedGrains listed = load_grains(directory.write("grains.csv", "x y\n1 2\n"), {{"a", "b"}, 1, {}, {0, 0, 5}, 0.5});
+  const ListedGrains listed =
+      load_grains(directory.write("grains.csv", "x y\n1 2\n"), {{"a", "b"}, 1, {}, {0, 0, 5}, 0.5});
   CHECK_FALSE(listed.has_radius);
   CHECK_FALSE(listed.has_velocity);
   CHECK(listed.grains[0].position == Vec3{1, 2, 0.5});
@@ -120,7 +126,9 @@ TEST_CASE("columns that a list lacks come from the scene") {
   CHECK(listed.grains[0].angular_velocity == Vec3{0, 0, 5});
 }
 
-TEST_CASE("the material of a group goes before that of the file, and a file with spins only keeps the velocity of the group") {
+TEST_CASE(
+    "the material of a group goes before that of the file, and a file with spins only keeps the velocity of the "
+    "group") {
   const scene_text::Directory directory;
   const auto file = directory.write("grains.csv", "x,y,z,wz,material\n1,2,3,4,nonsense\n");
   const ListedGrains listed = load_grains(file, {{"a", "b"}, 1, {0, 0, -7}, {}, {}});
@@ -132,8 +140,8 @@ TEST_CASE("the material of a group goes before that of the file, and a file with
 
 TEST_CASE("separators may be commas, semicolons, tabs or blanks, and names may carry SI units") {
   const scene_text::Directory directory;
-  for (const std::string content : {"x,y,z,r\n1,2,3,.5\n", "x;y;z;r\n1;2;3;0.5\n", "x\ty\tz\tr\n1\t2\t3\t5e-1\n", "x  y z   r\n1   2 3 +0.5\n",
-                                    "X[m], Y [m], \"z\", Radius [m]\n1,2,3,0.5\n"}) {
+  for (const std::string content : {"x,y,z,r\n1,2,3,.5\n", "x;y;z;r\n1;2;3;0.5\n", "x\ty\tz\tr\n1\t2\t3\t5e-1\n",
+                                    "x  y z   r\n1   2 3 +0.5\n", "X[m], Y [m], \"z\", Radius [m]\n1,2,3,0.5\n"}) {
     CAPTURE(content);
     const ListedGrains listed = load_grains(directory.write("grains.txt", content));
     REQUIRE(listed.grains.size() == 1);
@@ -165,18 +173,23 @@ TEST_CASE("lists that cannot be read say where and why") {
   };
   CHECK(said("x,y,z\n1,2,3\n1,two,3\n") == "g.csv:3: column 2 (\"y\"): \"two\" is not a number");
   CHECK(said("x,y,z\n1,2\n") == "g.csv:2: column 3 (\"z\"): the line has 2 columns, the header 3");
-  CHECK(said("x,y,z,material\n1,2,3,gold\n") == "g.csv:2: column 4 (\"material\"): \"gold\" is not a material of the scene");
-  CHECK(said("x,y,z\n1,,3\n1,2,\n") == "g.csv:2: column 2 (\"y\"): \"\" is not a number\ng.csv:3: column 3 (\"z\"): \"\" is not a number");
+  CHECK(said("x,y,z,material\n1,2,3,gold\n") ==
+        "g.csv:2: column 4 (\"material\"): \"gold\" is not a material of the scene");
+  CHECK(said("x,y,z\n1,,3\n1,2,\n") ==
+        "g.csv:2: column 2 (\"y\"): \"\" is not a number\ng.csv:3: column 3 (\"z\"): \"\" is not a number");
   CHECK(said("x,y\n1,2\n") ==
-        "g.csv:1: column \"z\" is missing; the first line must name the columns: x, y, z, r or d, vx, vy, vz, wx, wy, wz, material");
+        "g.csv:1: column \"z\" is missing; the first line must name the columns: x, y, z, r or d, vx, vy, vz, wx, wy, "
+        "wz, material");
   CHECK(said("1,2,3\n") ==
         "g.csv:1: column 1: \"1\" is not a known column; expected x, y, z, r or d, vx, vy, vz, wx, wy, wz, material");
   CHECK(said("x[mm],y,z\n") == "g.csv:1: column 1: \"x\" is in [mm]; expected [m]");
   CHECK(said("x,y,z,x\n") == "g.csv:1: column 4: \"x\" was there before, as column 1");
   CHECK(said("x,y,z,r,d\n") == "g.csv:1: has both a radius and a diameter; expected one of them");
   CHECK(said("x,y,z\n") == "holds a header but no grains: g.csv");
-  CHECK(said("# nothing\n") == "holds no header; expected the columns x, y, z, r or d, vx, vy, vz, wx, wy, wz, material: g.csv");
-  const std::string many = said("x,y,z\n" + std::string("a,2,3\na,2,3\na,2,3\na,2,3\na,2,3\na,2,3\na,2,3\na,2,3\na,2,3\na,2,3\na,2,3\na,2,3\n"));
+  CHECK(said("# nothing\n") ==
+        "holds no header; expected the columns x, y, z, r or d, vx, vy, vz, wx, wy, wz, material: g.csv");
+  const std::string many = said(
+      "x,y,z\n" + std::string("a,2,3\na,2,3\na,2,3\na,2,3\na,2,3\na,2,3\na,2,3\na,2,3\na,2,3\na,2,3\na,2,3\na,2,3\n"));
   CHECK(many.find("\nand 2 more") != std::string::npos);
 }
 

@@ -36,18 +36,21 @@ TEST_CASE("values are TOML, and words and short numbers are taken as they are me
 }
 
 TEST_CASE("an override that does not fit is named by its number") {
-  CHECK(complaint(scene_text::all, {"time.end=5", "time.edn=6"}) == "--set 2: key \"time.edn\" = 6: unknown key; did you mean \"end\"?");
+  CHECK(complaint(scene_text::all, {"time.end=5", "time.edn=6"}) ==
+        "--set 2: key \"time.edn\" = 6: unknown key; did you mean \"end\"?");
   CHECK(complaint(scene_text::all, {"time"}) == "--set 1: \"time\": expected key=value, such as time.end=2");
   CHECK(complaint(scene_text::all, {"particles.diameter=1"}) ==
         "--set 1: key \"particles.diameter\": \"particles\" is a list; say which entry: particles[0].diameter");
   CHECK(complaint(scene_text::all, {"particles[4].diameter=1"}) ==
         "--set 1: key \"particles[4].diameter\": \"particles\" has 1 entries; [4] does not exist");
-  CHECK(complaint(scene_text::all, {"time.end.x=1"}) == "--set 1: key \"time.end.x\": \"time.end\" is 2.0, not a table, so it has no \"x\"");
+  CHECK(complaint(scene_text::all, {"time.end.x=1"}) ==
+        "--set 1: key \"time.end.x\": \"time.end\" is 2.0, not a table, so it has no \"x\"");
   CHECK(complaint(scene_text::all, {"time.end=[1"}) ==
         "--set 1: key \"time.end\" = [1: not a value; expected a number, a word, true, false, [list] or { table }");
   CHECK(complaint(scene_text::all, {"a..b=1"}) ==
         "--set 1: \"a..b\" is not a key; expected a path such as time.end or particles[0].diameter");
-  CHECK(complaint(scene_text::all, {"time.end=-1"}) == "--set 1: key \"time.end\": is -1; expected a number greater than 0 [s]");
+  CHECK(complaint(scene_text::all, {"time.end=-1"}) ==
+        "--set 1: key \"time.end\": is -1; expected a number greater than 0 [s]");
 }
 
 namespace {
@@ -74,7 +77,8 @@ void check_same(const Scene& a, const Scene& b) {
 }  // namespace
 
 TEST_CASE("the text as run reads back to the scene that was read with the overrides") {
-  const std::string text = "# first\ntitle = \"µ-test\" # with a comment\n" + scene_text::all + "[[probe]]\nkind = \"mass\"\ninterval = 0.1\n";
+  const std::string text = "# first\ntitle = \"µ-test\" # with a comment\n" + scene_text::all +
+                           "[[probe]]\nkind = \"mass\"\ninterval = 0.1\n";
   const std::vector<std::vector<std::string>> cases = {
       {},
       {"time.end=7"},
@@ -97,11 +101,12 @@ TEST_CASE("the text as run reads back to the scene that was read with the overri
 }
 
 TEST_CASE("the text as run keeps comments and names its overrides") {
-  const std::string text = "# first\n" + scene_text::domain + "[time] # clock\nend = 2 # seconds\n" + scene_text::material + scene_text::pair +
-                           scene_text::particles;
+  const std::string text = "# first\n" + scene_text::domain + "[time] # clock\nend = 2 # seconds\n" +
+                           scene_text::material + scene_text::pair + scene_text::particles;
   const std::string as_run = scene_text_as_run(text, "scene.toml", {"time.end=3.5"});
-  CHECK(as_run == "# run with --set time.end=3.5\n# first\n" + scene_text::domain + "[time] # clock\nend = 3.5 # seconds\n" +
-                      scene_text::material + scene_text::pair + scene_text::particles);
+  CHECK(as_run == "# run with --set time.end=3.5\n# first\n" + scene_text::domain +
+                      "[time] # clock\nend = 3.5 # seconds\n" + scene_text::material + scene_text::pair +
+                      scene_text::particles);
 }
 
 TEST_CASE("files in the text as run are found from anywhere") {
@@ -110,7 +115,8 @@ TEST_CASE("files in the text as run are found from anywhere") {
   directory.write("scene.toml", scene_text::domain + scene_text::time + scene_text::material + scene_text::pair +
                                     "[[particles]]\nfill = { file = \"grains/list.csv\" } # mine\n");
   const std::string as_run = scene_as_run(directory.path() / "scene.toml");
-  CHECK(as_run.find("file = \"" + (directory.path() / "grains/list.csv").string() + "\" } # mine") != std::string::npos);
+  CHECK(as_run.find("file = \"" + (directory.path() / "grains/list.csv").string() + "\" } # mine") !=
+        std::string::npos);
   const Scene scene = read_scene_text(as_run, "as run", {}, "/");
   CHECK(std::get<ListedGrains>(scene.particles[0].fill).grains.size() == 1);
 }

@@ -12,7 +12,9 @@ namespace {
 Scene with(const std::string& more) { return read(scene_text::all + more); }
 /// The small scene with its grains written otherwise.
 ParticleGroup group(const std::string& keys) {
-  return read(scene_text::domain + scene_text::time + scene_text::material + scene_text::pair + "[[particles]]\n" + keys).particles[0];
+  return read(scene_text::domain + scene_text::time + scene_text::material + scene_text::pair + "[[particles]]\n" +
+              keys)
+      .particles[0];
 }
 }  // namespace
 
@@ -55,7 +57,8 @@ layout = "2x3"
 precision = "double"
 skin = 0.001
 max_overlap = 0.3
-)" + scene_text::material + scene_text::pair + scene_text::particles);
+)" + scene_text::material + scene_text::pair +
+                           scene_text::particles);
   CHECK(scene.title == "a box");
   CHECK(scene.domain.low == Vec3{-1, 0.5, 0});
   CHECK(scene.domain.high == Vec3{1, 2, 3});
@@ -175,8 +178,10 @@ TEST_CASE("diameters are one, a range, or a distribution") {
   CHECK(range.high == 0.02);
 
   const SizeDistribution normal =
-      group("diameter = { distribution = \"normal\", mean = 0.01, deviation = 0.001, low = 0.008, high = 0.012 }\n"
-            "fill = { count = 1 }").diameter;
+      group(
+          "diameter = { distribution = \"normal\", mean = 0.01, deviation = 0.001, low = 0.008, high = 0.012 }\n"
+          "fill = { count = 1 }")
+          .diameter;
   CHECK(normal.kind == Kind::normal);
   CHECK(normal.mean == 0.01);
   CHECK(normal.deviation == 0.001);
@@ -184,7 +189,8 @@ TEST_CASE("diameters are one, a range, or a distribution") {
   CHECK(normal.high == 0.012);
 
   const SizeDistribution list =
-      group("diameter = { distribution = \"list\", values = [0.01, 0.02], weights = [3, 1] }\nfill = { count = 1 }").diameter;
+      group("diameter = { distribution = \"list\", values = [0.01, 0.02], weights = [3, 1] }\nfill = { count = 1 }")
+          .diameter;
   CHECK(list.kind == Kind::list);
   CHECK(list.values == std::vector<double>{0.01, 0.02});
   CHECK(list.weights == std::vector<double>{3, 1});
@@ -193,7 +199,8 @@ TEST_CASE("diameters are one, a range, or a distribution") {
 TEST_CASE("bounds of a normal and a lognormal distribution are three deviations away where none are given") {
   const auto sizes = [](const std::string& kind, double deviation) {
     return group("diameter = { distribution = \"" + kind + "\", mean = 0.01, deviation = " + std::to_string(deviation) +
-                 " }\nfill = { count = 1 }").diameter;
+                 " }\nfill = { count = 1 }")
+        .diameter;
   };
   CHECK(sizes("normal", 0.001).low == Approx(0.007));
   CHECK(sizes("normal", 0.001).high == Approx(0.013));
@@ -207,8 +214,9 @@ TEST_CASE("every other key of a group is read, and material and seed have defaul
   const ParticleGroup plain = group("diameter = 0.01\nfill = { count = 1 }");
   CHECK(plain.material == "glass");
   CHECK(plain.seed == 1);
-  const ParticleGroup full = group("material = \"glass\"\ndiameter = 0.01\nvelocity = [1, 2, 3]\nvelocity_deviation = 0.1\n"
-                                   "angular_velocity = [4, 5, 6]\nseed = 17\nfill = { count = 1 }");
+  const ParticleGroup full = group(
+      "material = \"glass\"\ndiameter = 0.01\nvelocity = [1, 2, 3]\nvelocity_deviation = 0.1\n"
+      "angular_velocity = [4, 5, 6]\nseed = 17\nfill = { count = 1 }");
   CHECK(full.velocity == Vec3{1, 2, 3});
   CHECK(full.velocity_deviation == 0.1);
   CHECK(full.angular_velocity == Vec3{4, 5, 6});
@@ -223,21 +231,28 @@ TEST_CASE("a random fill without a region fills the domain") {
 }
 
 TEST_CASE("a box that lacks a corner takes the domain's") {
-  const auto fill = std::get<RandomFill>(group("diameter = 0.01\nfill = { count = 1e3, region = { box = { low = [0, 0, 0.5] } } }").fill);
+  const auto fill = std::get<RandomFill>(
+      group("diameter = 0.01\nfill = { count = 1e3, region = { box = { low = [0, 0, 0.5] } } }").fill);
   CHECK(std::get<BoxRegion>(fill.region).box == Box{{0, 0, 0.5}, {1, 1, 1}});
   CHECK(fill.count == 1000);
 }
 
 TEST_CASE("regions are boxes, cylinders and spheres") {
   const auto cylinder = std::get<CylinderRegion>(
-      std::get<RandomFill>(group("diameter = 0.01\nfill = { count = 1, region = { cylinder = { base = [0.1, 0.5, 0.5], axis = \"x\", "
-                                 "radius = 0.3, length = 0.7 } } }").fill).region);
+      std::get<RandomFill>(
+          group("diameter = 0.01\nfill = { count = 1, region = { cylinder = { base = [0.1, 0.5, 0.5], axis = \"x\", "
+                "radius = 0.3, length = 0.7 } } }")
+              .fill)
+          .region);
   CHECK(cylinder.base == Vec3{0.1, 0.5, 0.5});
   CHECK(cylinder.axis == 0);
   CHECK(cylinder.radius == 0.3);
   CHECK(cylinder.length == 0.7);
   const auto sphere = std::get<SphereRegion>(
-      std::get<RandomFill>(group("diameter = 0.01\nfill = { count = 1, region = { sphere = { centre = [0.5, 0.5, 0.5], radius = 0.2 } } }").fill)
+      std::get<RandomFill>(
+          group(
+              "diameter = 0.01\nfill = { count = 1, region = { sphere = { centre = [0.5, 0.5, 0.5], radius = 0.2 } } }")
+              .fill)
           .region);
   CHECK(sphere.centre == Vec3{0.5, 0.5, 0.5});
   CHECK(sphere.radius == 0.2);
@@ -247,8 +262,8 @@ TEST_CASE("a lattice fill has a kind, a spacing, a jitter and a limit") {
   const auto plain = std::get<LatticeFill>(group("diameter = 0.01\nfill = { lattice = \"cubic\" }").fill);
   CHECK(plain.kind == LatticeFill::Kind::cubic);
   CHECK(plain.spacing == 0.0);
-  const auto full =
-      std::get<LatticeFill>(group("diameter = 0.01\nfill = { lattice = \"hexagonal\", spacing = 0.02, jitter = 0.5, count = 7 }").fill);
+  const auto full = std::get<LatticeFill>(
+      group("diameter = 0.01\nfill = { lattice = \"hexagonal\", spacing = 0.02, jitter = 0.5, count = 7 }").fill);
   CHECK(full.kind == LatticeFill::Kind::hexagonal);
   CHECK(full.spacing == 0.02);
   CHECK(full.jitter == 0.5);
@@ -257,7 +272,8 @@ TEST_CASE("a lattice fill has a kind, a spacing, a jitter and a limit") {
 
 TEST_CASE("grains listed in the scene have their places, and spin and material of their group") {
   const auto fill = std::get<ListedGrains>(
-      group("diameter = 0.01\nangular_velocity = [0, 0, 3]\nfill = { positions = [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]] }").fill);
+      group("diameter = 0.01\nangular_velocity = [0, 0, 3]\nfill = { positions = [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]] }")
+          .fill);
   REQUIRE(fill.grains.size() == 2);
   CHECK(fill.grains[1].position == Vec3{0.4, 0.5, 0.6});
   CHECK(fill.grains[1].angular_velocity == Vec3{0, 0, 3});
@@ -269,8 +285,9 @@ TEST_CASE("grains listed in the scene have their places, and spin and material o
 TEST_CASE("grains of a file may be of several materials, unless their group names one") {
   const scene_text::Directory directory;
   directory.write("grains.csv", "x,y,z,r,material\n0.2,0.5,0.5,0.1,sand\n0.8,0.5,0.5,0.1,glass\n");
-  const std::string text = scene_text::domain + scene_text::time + scene_text::material + "[[material]]\nname = \"sand\"\ndensity = 2600\n" +
-                           scene_text::pair + "[[particles]]\nfill = { file = \"grains.csv\" }\n";
+  const std::string text = scene_text::domain + scene_text::time + scene_text::material +
+                           "[[material]]\nname = \"sand\"\ndensity = 2600\n" + scene_text::pair +
+                           "[[particles]]\nfill = { file = \"grains.csv\" }\n";
   const Scene scene = read_scene_text(text, "scene.toml", {}, directory.path());
   CHECK(scene.particles[0].material.empty());
   CHECK(std::get<ListedGrains>(scene.particles[0].fill).grains[0].material == 1);
@@ -281,8 +298,9 @@ TEST_CASE("grains of a file may be of several materials, unless their group name
 }
 
 TEST_CASE("in two dimensions a place may be given by x and y and lies halfway through the domain") {
-  const Scene scene = read("[domain]\nlow = [0, 0, 0]\nhigh = [1, 1, 0.02]\ndimensions = 2\n" + scene_text::time + scene_text::material +
-                           scene_text::pair + "[[particles]]\ndiameter = 0.01\nfill = { positions = [[0.1, 0.2]] }\n");
+  const Scene scene = read("[domain]\nlow = [0, 0, 0]\nhigh = [1, 1, 0.02]\ndimensions = 2\n" + scene_text::time +
+                           scene_text::material + scene_text::pair +
+                           "[[particles]]\ndiameter = 0.01\nfill = { positions = [[0.1, 0.2]] }\n");
   CHECK(std::get<ListedGrains>(scene.particles[0].fill).grains[0].position == Vec3{0.1, 0.2, 0.01});
 }
 
@@ -329,15 +347,17 @@ disc = { centre = [0.5, 0.5, 0.5], normal = [0, 0, 1], radius = 0.4, hole_radius
 }
 
 TEST_CASE("outlets are faces of the domain or boxes") {
-  const Scene scene = with("[[outlet]]\nname = \"below\"\nface = \"z-low\"\n[[outlet]]\nname = \"hole\"\nbox = { high = [1, 1, 0.1] }\n");
+  const Scene scene = with(
+      "[[outlet]]\nname = \"below\"\nface = \"z-low\"\n[[outlet]]\nname = \"hole\"\nbox = { high = [1, 1, 0.1] }\n");
   REQUIRE(scene.outlets.size() == 2);
   CHECK(std::get<int>(scene.outlets[0].where) == 4);
   CHECK(std::get<Box>(scene.outlets[1].where) == Box{{0, 0, 0}, {1, 1, 0.1}});
 }
 
 TEST_CASE("output is read key by key") {
-  const Scene scene = with("[output]\ndirectory = \"out\"\nsnapshots = 0.1\ncheckpoints = 0.5\ncheckpoints_kept = 3\n"
-                           "fields = [\"position\", \"velocity\"]\nenergy = true\n");
+  const Scene scene = with(
+      "[output]\ndirectory = \"out\"\nsnapshots = 0.1\ncheckpoints = 0.5\ncheckpoints_kept = 3\n"
+      "fields = [\"position\", \"velocity\"]\nenergy = true\n");
   CHECK(scene.output.directory == "out");
   CHECK(scene.output.snapshot_interval == 0.1);
   CHECK(scene.output.checkpoint_interval == 0.5);
@@ -381,17 +401,20 @@ interval = 0.1
 TEST_CASE("an energy probe switches the ledger on, unless the scene says no") {
   const std::string probe = "[[probe]]\nkind = \"energy\"\ninterval = 0.1\n";
   CHECK(with(probe).output.energy);
-  CHECK(scene_text::complaint(scene_text::all + "[output]\nenergy = false\n" + probe).find("output.energy = true") != std::string::npos);
+  CHECK(scene_text::complaint(scene_text::all + "[output]\nenergy = false\n" + probe).find("output.energy = true") !=
+        std::string::npos);
 }
 
 TEST_CASE("warnings are handed out, located, and do not stop the scene") {
   std::vector<SceneMessage> warnings;
-  const Scene scene = read_scene_text(scene_text::all + "[[wall]]\nname = \"far\"\nfrom = 0\nplane = { point = [0, 0, 0] }\n", "scene.toml",
-                                      {"time.steps_per_contact=10"}, {}, &warnings);
+  const Scene scene =
+      read_scene_text(scene_text::all + "[[wall]]\nname = \"far\"\nfrom = 0\nplane = { point = [0, 0, 0] }\n",
+                      "scene.toml", {"time.steps_per_contact=10"}, {}, &warnings);
   REQUIRE(warnings.size() == 1);
   CHECK(warnings[0].is_warning);
-  CHECK(warnings[0].text() == "--set 1: warning: key \"time.steps_per_contact\": is 10; with fewer than 15 steps a contact gains or "
-                              "loses energy, 50 are usual");
+  CHECK(warnings[0].text() ==
+        "--set 1: warning: key \"time.steps_per_contact\": is 10; with fewer than 15 steps a contact gains or "
+        "loses energy, 50 are usual");
   CHECK(scene.time.steps_per_contact == 10.0);
 }
 

@@ -27,6 +27,7 @@ TEST_CASE("grains of a snapshot come back as they were written") {
     CHECK(listed.grains[i].radius == image.find(Field::radius)->reals[i]);
     CHECK(listed.grains[i].material == image.find(Field::material)->indices[i]);
   }
-  CHECK_THROWS_WITH(load_grains(file, {{"a", "b"}, {}, {}, {}, {}}),
-                    "dataset /particles/material: grain 2 has material number 2, the scene has 2 materials: " + file.string());
+  CHECK_THROWS_WITH(
+      load_grains(file, {{"a", "b"}, {}, {}, {}, {}}),
+      "dataset /particles/material: grain 2 has material number 2, the scene has 2 materials: " + file.string());
 }

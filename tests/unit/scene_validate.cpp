@@ -71,7 +71,8 @@ TEST_CASE("a periodic domain narrower than the largest grain is refused") {
   CHECK(about(scene, "domain.periodic[0]").empty());
   scene.domain.high.x = 0.099;
   CHECK(about(scene, "domain.periodic[0]") ==
-        "is true, but the domain is 0.099 m wide along x and the largest grain (particles[0]) has a diameter of 0.1 m: it would touch "
+        "is true, but the domain is 0.099 m wide along x and the largest grain (particles[0]) has a diameter of 0.1 m: "
+        "it would touch "
         "itself; make the domain at least that wide");
 }
 
@@ -92,8 +93,8 @@ TEST_CASE("a wall's material needs no density, a grain's does") {
 
 TEST_CASE("exactly the combinations of laws that are compiled are accepted") {
   for (const NormalLaw normal : {NormalLaw::linear, NormalLaw::hertz})
-    for (const TangentialLaw tangential :
-         {TangentialLaw::none, TangentialLaw::viscous, TangentialLaw::spring, TangentialLaw::mindlin, TangentialLaw::power}) {
+    for (const TangentialLaw tangential : {TangentialLaw::none, TangentialLaw::viscous, TangentialLaw::spring,
+                                           TangentialLaw::mindlin, TangentialLaw::power}) {
       Scene scene = sound();
       scene.contact.normal = normal;
       scene.contact.tangential = tangential;
@@ -125,7 +126,8 @@ TEST_CASE("touching grains and grains that overlap by a fifth are accepted, beyo
   CHECK(validate(scene).empty());
   scene.particles[0].fill = listed({{0.5, 0.5, 0.5}, {0.6, 0.5, 0.5}, {0.5, 0.5889, 0.5}});
   CHECK(about(scene, "particles[0].fill.positions") ==
-        "grain 0 of particles[0] and grain 2 of particles[0] overlap by 0.0111 m, 22 % of the smaller radius; at most 20 % is allowed at "
+        "grain 0 of particles[0] and grain 2 of particles[0] overlap by 0.0111 m, 22 % of the smaller radius; at most "
+        "20 % is allowed at "
         "the start (1 pair beyond it)");
 }
 
@@ -144,13 +146,15 @@ TEST_CASE("a listed grain deep in a flat wall is named") {
   scene.walls = {{"floor", "glass", PlaneShape{{0, 0, 0.1}, {0, 0, 2}}}};
   scene.particles[0].fill = listed({{0.5, 0.5, 0.5}, {0.5, 0.5, 0.13}});
   CHECK(about(scene, "particles[0].fill.positions") ==
-        "grain 1 of particles[0] reaches 0.02 m, 40 % of its radius, into wall \"floor\"; at most 20 % is allowed at the start (1 grain "
+        "grain 1 of particles[0] reaches 0.02 m, 40 % of its radius, into wall \"floor\"; at most 20 % is allowed at "
+        "the start (1 grain "
         "beyond it)");
   scene.walls[0].from = 0.5;  // not there yet
   CHECK(validate(scene).empty());
 }
 
-TEST_CASE("the search for overlaps finds what comparing all pairs finds, for every range of sizes and every periodicity") {
+TEST_CASE(
+    "the search for overlaps finds what comparing all pairs finds, for every range of sizes and every periodicity") {
   bool any = false;
   for (const double ratio : {1.0, 3.0, 40.0})
     for (const bool is_periodic : {false, true})
@@ -200,6 +204,7 @@ TEST_CASE("only layouts of ranks and threads are accepted") {
   }
   for (const char* bad : {"", "4", "x", "2x", "x4", "0x4", "2x0", "2x4x1", "-1x2", "2X4", "axb"}) {
     scene.run.layout = bad;
-    CHECK(about(scene, "run.layout") == std::string("is \"") + bad + "\"; expected \"auto\" or ranks x threads such as \"2x4\"");
+    CHECK(about(scene, "run.layout") ==
+          std::string("is \"") + bad + "\"; expected \"auto\" or ranks x threads such as \"2x4\"");
   }
 }

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "kernels/search/surface.hpp"
-#include "tests/unit/surface_shapes.hpp"
+#include "tests/support/surface_shapes.hpp"
 
 using namespace moraine;
 using shapes::Dice;

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "engine/walls/walls.hpp"
-#include "tests/unit/surface_shapes.hpp"
+#include "tests/support/surface_shapes.hpp"
 
 using namespace moraine;
 using Catch::Contains;

@@ -77,7 +77,9 @@ HWY_INLINE Lanes3 operator-(Lanes3 a, Lanes3 b) { return {a.x - b.x, a.y - b.y, 
 HWY_INLINE Lanes3 operator*(Lanes s, Lanes3 a) { return {s * a.x, s * a.y, s * a.z}; }
 HWY_INLINE Lanes dot(Lanes3 a, Lanes3 b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
 HWY_INLINE Lanes3 fma(Lanes s, Lanes3 a, Lanes3 b) { return {fma(s, a.x, b.x), fma(s, a.y, b.y), fma(s, a.z, b.z)}; }
-HWY_INLINE Lanes3 fnma(Lanes s, Lanes3 a, Lanes3 b) { return {fnma(s, a.x, b.x), fnma(s, a.y, b.y), fnma(s, a.z, b.z)}; }
+HWY_INLINE Lanes3 fnma(Lanes s, Lanes3 a, Lanes3 b) {
+  return {fnma(s, a.x, b.x), fnma(s, a.y, b.y), fnma(s, a.z, b.z)};
+}
 HWY_INLINE Lanes3 cross(Lanes3 a, Lanes3 b) {
   return {fnma(a.z, b.y, a.y * b.z), fnma(a.x, b.z, a.z * b.x), fnma(a.y, b.x, a.x * b.y)};
 }
@@ -128,9 +130,7 @@ HWY_INLINE Quad or_outside(Quad seen, Quad x, Quad low, Quad high) {
 }
 /// a where x is a number, zero where it is not.
 HWY_INLINE Quad where_number(Quad x, Quad a) { return {hn::IfThenElseZero(hn::Eq(x.v, x.v), a.v)}; }
-HWY_INLINE bool any_set(Quad seen) {
-  return !hn::AllFalse(QuadTag(), hn::MaskFromVec(seen.v));
-}
+HWY_INLINE bool any_set(Quad seen) { return !hn::AllFalse(QuadTag(), hn::MaskFromVec(seen.v)); }
 
 // Four records to four vectors and back. Each 128-bit block holds two doubles; blocks are paired by interleaving, then the
 // odd and even blocks are put together. With eight lanes, lanes 0-3 and 4-7 are two such groups side by side.
@@ -149,9 +149,8 @@ template <typename Pointer>
 HWY_INLINE Lanes4 load_rows(Pointer record) {
 #if HWY_MAX_BYTES >= 64
   const QuadTag q;
-  const auto row = [&](int k) HWY_ATTR {
-    return hn::Combine(Tag(), hn::Load(q, record(k + 4)), hn::Load(q, record(k)));
-  };
+  const auto row = [&](int k)
+                       HWY_ATTR { return hn::Combine(Tag(), hn::Load(q, record(k + 4)), hn::Load(q, record(k))); };
 #else
   const auto row = [&](int k) HWY_ATTR { return hn::Load(Tag(), record(k)); };
 #endif
@@ -209,18 +208,32 @@ HWY_INLINE Quad each(Operation f) {
   for (int k = 0; k < 4; ++k) r.v[k] = f(k);
   return r;
 }
-HWY_INLINE Quad operator+(Quad a, Quad b) { return each([&](int k) { return a.v[k] + b.v[k]; }); }
-HWY_INLINE Quad operator-(Quad a, Quad b) { return each([&](int k) { return a.v[k] - b.v[k]; }); }
-HWY_INLINE Quad operator*(Quad a, Quad b) { return each([&](int k) { return a.v[k] * b.v[k]; }); }
-HWY_INLINE Quad fma(Quad a, Quad b, Quad c) { return each([&](int k) { return __builtin_fma(a.v[k], b.v[k], c.v[k]); }); }
-HWY_INLINE Quad max(Quad a, Quad b) { return each([&](int k) { return a.v[k] > b.v[k] ? a.v[k] : b.v[k]; }); }
+HWY_INLINE Quad operator+(Quad a, Quad b) {
+  return each([&](int k) { return a.v[k] + b.v[k]; });
+}
+HWY_INLINE Quad operator-(Quad a, Quad b) {
+  return each([&](int k) { return a.v[k] - b.v[k]; });
+}
+HWY_INLINE Quad operator*(Quad a, Quad b) {
+  return each([&](int k) { return a.v[k] * b.v[k]; });
+}
+HWY_INLINE Quad fma(Quad a, Quad b, Quad c) {
+  return each([&](int k) { return __builtin_fma(a.v[k], b.v[k], c.v[k]); });
+}
+HWY_INLINE Quad max(Quad a, Quad b) {
+  return each([&](int k) { return a.v[k] > b.v[k] ? a.v[k] : b.v[k]; });
+}
 HWY_INLINE Quad last_of(Quad a) { return set_quad(a.v[3]); }
 HWY_INLINE Quad with_last(Quad a, Quad b) { return {{a.v[0], a.v[1], a.v[2], b.v[3]}}; }
-HWY_INLINE Quad flip_sign(Quad a, std::uint64_t flip) { return flip ? each([&](int k) { return -a.v[k]; }) : a; }
+HWY_INLINE Quad flip_sign(Quad a, std::uint64_t flip) {
+  return flip ? each([&](int k) { return -a.v[k]; }) : a;
+}
 HWY_INLINE Quad or_outside(Quad seen, Quad x, Quad low, Quad high) {
   return each([&](int k) { return x.v[k] < low.v[k] || x.v[k] >= high.v[k] ? 1.0 : seen.v[k]; });
 }
-HWY_INLINE Quad where_number(Quad x, Quad a) { return each([&](int k) { return x.v[k] == x.v[k] ? a.v[k] : 0.0; }); }
+HWY_INLINE Quad where_number(Quad x, Quad a) {
+  return each([&](int k) { return x.v[k] == x.v[k] ? a.v[k] : 0.0; });
+}
 HWY_INLINE bool any_set(Quad seen) { return seen.v[0] != 0 || seen.v[1] != 0 || seen.v[2] != 0 || seen.v[3] != 0; }
 
 template <typename Pointer>

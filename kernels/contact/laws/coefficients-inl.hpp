@@ -29,13 +29,13 @@ namespace HWY_NAMESPACE {
 
 /// What a law needs to know of a contact besides its motion; constant over the steps, so that a uniform scene computes it once.
 struct Constants {
-  Lanes s;                 // inverse reduced mass [1/kg]
+  Lanes s;  // inverse reduced mass [1/kg]
   Lanes mu;
-  Lanes k_n, g_n;          // linear: k_n, gamma_n. Hertz: 4/3 E*, b / sqrt(a)
-  Lanes k_t, g_t;          // linear: k_t, gamma_t. Mindlin: 8 G*, gamma_t / sqrt(a). Viscous: gamma_t with its half step
-  Lanes four_masses;       // Hertz: 4/s
-  Lanes root_radius;       // Hertz: sqrt(R*)
-  Lanes displacement;      // power: delta_max, or 0
+  Lanes k_n, g_n;      // linear: k_n, gamma_n. Hertz: 4/3 E*, b / sqrt(a)
+  Lanes k_t, g_t;      // linear: k_t, gamma_t. Mindlin: 8 G*, gamma_t / sqrt(a). Viscous: gamma_t with its half step
+  Lanes four_masses;   // Hertz: 4/s
+  Lanes root_radius;   // Hertz: sqrt(R*)
+  Lanes displacement;  // power: delta_max, or 0
 };
 
 /// Parameters of each lane's pair of materials.
@@ -73,7 +73,8 @@ HWY_INLINE Constants make_constants(RowOf row, Lanes s, Lanes kappa, double dt) 
     c.four_masses = Lanes(4.0) / s;
     c.root_radius = sqrt(one / kappa);
     if constexpr (tangential == TangentialLaw::mindlin || has_spring) {
-      c.k_t = tangential == TangentialLaw::spring ? row(Parameter::tangential_stiffness) : Lanes(8.0) * row(Parameter::shear);
+      c.k_t = tangential == TangentialLaw::spring ? row(Parameter::tangential_stiffness)
+                                                  : Lanes(8.0) * row(Parameter::shear);
       c.g_t = row(Parameter::tangential_damping) * damping * sqrt(c.four_masses * c.k_t);
     }
   }

@@ -14,17 +14,17 @@ namespace HWY_NAMESPACE {
 
 /// The motion of a contact, one a lane; lanes that do not touch may hold anything.
 struct Motion {
-  Lanes overlap;   // delta [m]
-  Lanes3 normal;   // unit, from b to a
-  Lanes v_n;       // [m/s]
-  Lanes3 v_t;      // [m/s]
+  Lanes overlap;  // delta [m]
+  Lanes3 normal;  // unit, from b to a
+  Lanes v_n;      // [m/s]
+  Lanes3 v_t;     // [m/s]
 };
 
 struct NormalForce {
-  Lanes total;     // F_n with its dashpot [N]
-  Lanes elastic;   // F_n without [N]
-  Lanes dashpot;   // gamma_n [N s/m]
-  Lanes a;         // Hertz: sqrt(R* delta) [m]
+  Lanes total;    // F_n with its dashpot [N]
+  Lanes elastic;  // F_n without [N]
+  Lanes dashpot;  // gamma_n [N s/m]
+  Lanes a;        // Hertz: sqrt(R* delta) [m]
   Lanes root_a;
 };
 
@@ -50,10 +50,10 @@ HWY_INLINE NormalForce hertz_normal(const Constants& c, const Motion& m, double 
 }
 
 struct TangentialForce {
-  Lanes3 force;      // F_t on a [N]
-  Lanes3 h;          // displacement after the step [m]
-  Lanes energy;      // stored in the displacement [J]; only with the ledger
-  LaneMask slides;   // at Coulomb's limit
+  Lanes3 force;     // F_t on a [N]
+  Lanes3 h;         // displacement after the step [m]
+  Lanes energy;     // stored in the displacement [J]; only with the ledger
+  LaneMask slides;  // at Coulomb's limit
 };
 
 /// Scales f to Coulomb's limit mu F_n where it is beyond; `scale` is by how much (1 elsewhere).
@@ -78,7 +78,8 @@ HWY_INLINE Lanes3 advance_displacement(const Motion& m, Lanes3 h, double dt) {
 /// Spring and dashpot under Coulomb's cap (Cundall & Strack 1979): F_t = -k_t h - gamma_t v_t; where it slides, both are scaled
 /// alike. (A spring that makes up for a dashpot beyond the cap, h = -(F_t + gamma_t v_t)/k_t, is wound backwards when the contact
 /// begins; as a Mindlin contact stiffens it then pushes along the motion.)
-HWY_INLINE TangentialForce spring(const Constants& c, const Motion& m, Lanes f_n, Lanes3 h, double dt, Lanes k_t, Lanes g_t) {
+HWY_INLINE TangentialForce spring(const Constants& c, const Motion& m, Lanes f_n, Lanes3 h, double dt, Lanes k_t,
+                                  Lanes g_t) {
   TangentialForce t;
   t.h = advance_displacement(m, h, dt);
   t.force = fma(-k_t, t.h, Lanes3{-(g_t * m.v_t.x), -(g_t * m.v_t.y), -(g_t * m.v_t.z)});
@@ -91,8 +92,8 @@ HWY_INLINE TangentialForce spring(const Constants& c, const Motion& m, Lanes f_n
 /// F_t = mu F_N (1 - (1 - |h|/delta_max)^(3/2)) against h, constant beyond delta_max (Langston, Tuzun & Heyes 1995, after
 /// Mindlin & Deresiewicz 1953), and a dashpot, under Coulomb's cap. delta_max is given or 3/2 mu F_N / k_t, so that k_t is the
 /// stiffness at no displacement; F_N is the elastic normal force.
-HWY_INLINE TangentialForce power(const Constants& c, const Motion& m, Lanes f_n, Lanes elastic, Lanes3 h, double dt, Lanes k_t,
-                                 Lanes g_t) {
+HWY_INLINE TangentialForce power(const Constants& c, const Motion& m, Lanes f_n, Lanes elastic, Lanes3 h, double dt,
+                                 Lanes k_t, Lanes g_t) {
   TangentialForce t;
   const Lanes tiny(1e-300), one(1.0);
   t.h = advance_displacement(m, h, dt);
@@ -118,7 +119,7 @@ struct ContactForce {
   Lanes normal;
   Lanes3 tangential;
   Lanes3 h;
-  Lanes energy;                                   // stored tangentially [J]
+  Lanes energy;                                       // stored tangentially [J]
   Lanes lost_normal, lost_tangential, lost_friction;  // in this step [J]
 };
 

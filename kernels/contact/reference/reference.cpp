@@ -8,10 +8,10 @@ namespace moraine {
 namespace {
 
 struct Stiffness {
-  double normal_force = 0.0;     // elastic [N]
-  double normal_energy = 0.0;    // [J]
-  double normal_dashpot = 0.0;   // gamma_n [N s/m]
-  double tangential = 0.0;       // k_t [N/m]
+  double normal_force = 0.0;        // elastic [N]
+  double normal_energy = 0.0;       // [J]
+  double normal_dashpot = 0.0;      // gamma_n [N s/m]
+  double tangential = 0.0;          // k_t [N/m]
   double tangential_dashpot = 0.0;  // gamma_t [N s/m]
 };
 
@@ -41,9 +41,9 @@ Stiffness hertz(TangentialLaw law, const PairParameters& p, double overlap, doub
   k.normal_energy = 8.0 / 15.0 * young * a * overlap * overlap;
   k.normal_dashpot = dashpot(beta, 5.0 / 6.0 * 2.0 * young * a, s, dt);
   k.tangential = law == TangentialLaw::spring ? p[Parameter::tangential_stiffness] : 8.0 * p[Parameter::shear] * a;
-  k.tangential_dashpot = law == TangentialLaw::viscous
-                             ? p[Parameter::viscosity]
-                             : p[Parameter::tangential_damping] * 2.0 * std::sqrt(5.0 / 6.0) * beta * std::sqrt(k.tangential / s);
+  k.tangential_dashpot = law == TangentialLaw::viscous ? p[Parameter::viscosity]
+                                                       : p[Parameter::tangential_damping] * 2.0 * std::sqrt(5.0 / 6.0) *
+                                                             beta * std::sqrt(k.tangential / s);
   return k;
 }
 
@@ -65,7 +65,8 @@ ReferenceForce reference_contact(NormalLaw normal, TangentialLaw tangential, boo
   const double s = mirror * (c.a.inverse_mass + c.b.inverse_mass);
   const double s_t = has_rotation ? 3.5 * s : s;
   const double kappa = mirror * (c.a.curvature + c.b.curvature);
-  const Stiffness k = normal == NormalLaw::linear ? linear(tangential, p, c.overlap, s, dt) : hertz(tangential, p, c.overlap, s, kappa, dt);
+  const Stiffness k = normal == NormalLaw::linear ? linear(tangential, p, c.overlap, s, dt)
+                                                  : hertz(tangential, p, c.overlap, s, kappa, dt);
 
   // Motion of the contact point.
   const Vec3 n = c.normal;
@@ -89,9 +90,7 @@ ReferenceForce reference_contact(NormalLaw normal, TangentialLaw tangential, boo
   double scale = 1.0;
   double work = 0.0;  // on the contact in the step
   switch (tangential) {
-    case TangentialLaw::none:
-      h = {};
-      break;
+    case TangentialLaw::none: h = {}; break;
     case TangentialLaw::viscous:
       h = {};
       f_t = -k.tangential_dashpot / (1.0 + 0.5 * dt * s_t * k.tangential_dashpot) * v_t;

@@ -19,19 +19,19 @@ struct ContactBody {
 };
 
 struct ReferenceContact {
-  double overlap = 0.0;       // [m]
-  Vec3 normal;                // unit, from b to a
+  double overlap = 0.0;  // [m]
+  Vec3 normal;           // unit, from b to a
   ContactBody a, b;
-  Vec3 displacement;          // [m] before the step
-  double stored = 0.0;        // [J] in the tangential spring before the step
+  Vec3 displacement;    // [m] before the step
+  double stored = 0.0;  // [J] in the tangential spring before the step
 };
 
 struct ReferenceForce {
-  Vec3 force;                 // on a [N]
-  Vec3 torque_a, torque_b;    // [N m]
-  Vec3 displacement;          // [m] after the step
-  double energy_normal = 0.0;      // stored in the normal spring [J]
-  double energy_tangential = 0.0;  // stored in the tangential one [J]
+  Vec3 force;                                                            // on a [N]
+  Vec3 torque_a, torque_b;                                               // [N m]
+  Vec3 displacement;                                                     // [m] after the step
+  double energy_normal = 0.0;                                            // stored in the normal spring [J]
+  double energy_tangential = 0.0;                                        // stored in the tangential one [J]
   double lost_normal = 0.0, lost_tangential = 0.0, lost_friction = 0.0;  // in the step [J]
   bool slides = false;
 };

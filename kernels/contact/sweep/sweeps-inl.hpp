@@ -13,10 +13,6 @@ HWY_BEFORE_NAMESPACE();
 namespace moraine {
 namespace HWY_NAMESPACE {
 
-template <TangentialLaw tangential>
-inline constexpr bool law_has_history =
-    tangential != TangentialLaw::none && tangential != TangentialLaw::viscous;
-
 template <bool has_rotation, bool has_ledger>
 HWY_INLINE void clear_slots(double* slots) {
   const Lanes zero(0.0);
@@ -43,15 +39,16 @@ template <NormalLaw normal, TangentialLaw tangential, bool has_rotation, bool is
 SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
   constexpr int stride = record_size(has_rotation);
   constexpr int slot = slot_size(has_rotation, has_ledger);
-  constexpr bool has_history = law_has_history<tangential>;
+  constexpr bool remembers = has_history(tangential);
   constexpr bool is_spinning = has_rotation && tangential != TangentialLaw::none;
   const double* const records = sweep.records;
   SweepResult result;
   LaneMask too_deep = Lanes(0.0) > Lanes(1.0);
   Constants c{};
   if constexpr (is_uniform)
-    c = make_constants<normal, tangential, has_rotation>({sweep.table, nullptr}, Lanes(2.0 * sweep.inverse_mass),
-                                                         Lanes((sweep.radius + sweep.radius) / (sweep.radius * sweep.radius)), sweep.dt);
+    c = make_constants<normal, tangential, has_rotation>(
+        {sweep.table, nullptr}, Lanes(2.0 * sweep.inverse_mass),
+        Lanes((sweep.radius + sweep.radius) / (sweep.radius * sweep.radius)), sweep.dt);
   for (std::int64_t k = pairs.begin; k < pairs.end; k += n_lanes, slots += slot * n_lanes) {
     const std::int32_t* const ia = sweep.a + k;
     const std::int32_t* const ib = sweep.b + k;
@@ -69,7 +66,7 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
     const auto at_history = [&](int lane) HWY_ATTR { return history + 4 * lane; };
     if (none(touches)) {
       clear_slots<has_rotation, has_ledger>(slots);
-      if constexpr (has_history) {
+      if constexpr (remembers) {
         if constexpr (has_ledger) {
           // what a spring still held when its contact ended counts as friction
           for (int lane = 0; lane < n_lanes; ++lane) slots[lane * slot + slot - 2] = history[4 * lane + 3];
@@ -98,7 +95,8 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
     if constexpr (!is_uniform) {
       const auto mass_at = [&](const std::int32_t* i) HWY_ATTR {
         alignas(64) double values[n_lanes];
-        for (int lane = 0; lane < n_lanes; ++lane) values[lane] = records[static_cast<std::int64_t>(i[lane]) * stride + 7];
+        for (int lane = 0; lane < n_lanes; ++lane)
+          values[lane] = records[static_cast<std::int64_t>(i[lane]) * stride + 7];
         return load(values);
       };
       const Lanes kappa = normal == NormalLaw::hertz ? (pa.d + pb.d) / (pa.d * pb.d) : Lanes(0.0);
@@ -106,15 +104,16 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
                                                            mass_at(ia) + mass_at(ib), kappa, sweep.dt);
     }
     Lanes4 h{};
-    if constexpr (has_history) h = load_records(at_history);
+    if constexpr (remembers) h = load_records(at_history);
     const ContactForce f = contact_force<normal, tangential, has_ledger>(c, m, h.xyz(), h.d, sweep.dt);
 
-    if constexpr (has_history) {
+    if constexpr (remembers) {
       const Lanes3 kept = keep_if(touches, f.h);
       store_records(at_history, Lanes4{kept.x, kept.y, kept.z, has_ledger ? keep_if(touches, f.energy) : Lanes(0.0)});
     }
     const Lanes3 force = keep_if(touches, fma(f.normal, m.normal, f.tangential));
-    const auto at_slot = [&](int offset) HWY_ATTR { return [=](int lane) HWY_ATTR { return slots + lane * slot + offset; }; };
+    const auto at_slot = [&](int offset)
+                             HWY_ATTR { return [=](int lane) HWY_ATTR { return slots + lane * slot + offset; }; };
     if constexpr (has_rotation) {
       const Lanes3 moment = keep_if(touches, cross(m.normal, f.tangential));
       // a grain that has left lies nowhere, and its arm is not a number
@@ -125,10 +124,12 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
     }
     if constexpr (has_ledger) {
       Lanes friction = f.lost_friction;
-      if constexpr (has_history) friction = select(touches, friction, h.d);
-      else friction = keep_if(touches, friction);
-      store_records(at_slot(slot - 4), Lanes4{keep_if(touches, f.lost_normal), keep_if(touches, f.lost_tangential), friction,
-                                              Lanes(0.0)});
+      if constexpr (remembers)
+        friction = select(touches, friction, h.d);
+      else
+        friction = keep_if(touches, friction);
+      store_records(at_slot(slot - 4),
+                    Lanes4{keep_if(touches, f.lost_normal), keep_if(touches, f.lost_tangential), friction, Lanes(0.0)});
     }
   }
   result.has_large_overlap = any(too_deep);
@@ -139,7 +140,7 @@ template <NormalLaw normal, TangentialLaw tangential, bool has_rotation, bool ha
 SweepResult sweep_walls(const WallSweep& sweep, Range touches_range) {
   constexpr int stride = record_size(has_rotation);
   constexpr int slot = slot_size(has_rotation, has_ledger);
-  constexpr bool has_history = law_has_history<tangential>;
+  constexpr bool remembers = has_history(tangential);
   constexpr bool is_spinning = has_rotation && tangential != TangentialLaw::none;
   const WallTouches& t = sweep.touches;
   SweepResult result;
@@ -147,7 +148,8 @@ SweepResult sweep_walls(const WallSweep& sweep, Range touches_range) {
   for (std::int64_t k = touches_range.begin; k < touches_range.end; k += n_lanes) {
     const std::int32_t* const ia = t.grain + k;
     const auto a_plus = [&](int offset) HWY_ATTR {
-      return [=, records = sweep.records](int lane) HWY_ATTR { return records + static_cast<std::int64_t>(ia[lane]) * stride + offset; };
+      return [=, records = sweep.records](int lane)
+                 HWY_ATTR { return records + static_cast<std::int64_t>(ia[lane]) * stride + offset; };
     };
     const Lanes4 p = load_records(a_plus(0)), v4 = load_records(a_plus(4));
     const Lanes mirror = load(t.mirror + k), distance = load(t.distance + k);
@@ -169,14 +171,15 @@ SweepResult sweep_walls(const WallSweep& sweep, Range touches_range) {
     double* const history = t.history + 4 * k;
     const auto at_history = [&](int lane) HWY_ATTR { return history + 4 * lane; };
     Lanes4 h{};
-    if constexpr (has_history) h = load_records(at_history);
+    if constexpr (remembers) h = load_records(at_history);
     const ContactForce f = contact_force<normal, tangential, has_ledger>(c, m, h.xyz(), h.d, sweep.dt);
-    if constexpr (has_history) {
+    if constexpr (remembers) {
       const Lanes3 kept = keep_if(touches, f.h);
       store_records(at_history, Lanes4{kept.x, kept.y, kept.z, has_ledger ? keep_if(touches, f.energy) : Lanes(0.0)});
     }
     double* const slots = t.slots + slot * k;
-    const auto at_slot = [&](int offset) HWY_ATTR { return [=](int lane) HWY_ATTR { return slots + lane * slot + offset; }; };
+    const auto at_slot = [&](int offset)
+                             HWY_ATTR { return [=](int lane) HWY_ATTR { return slots + lane * slot + offset; }; };
     const Lanes3 force = keep_if(touches, fma(f.normal, m.normal, f.tangential));
     if constexpr (has_rotation) {
       const Lanes3 moment = keep_if(touches, cross(m.normal, f.tangential));
@@ -189,10 +192,13 @@ SweepResult sweep_walls(const WallSweep& sweep, Range touches_range) {
       // Half of what is lost between a grain and its image is lost in the scene.
       const Lanes share = Lanes(1.0) / mirror;
       Lanes friction = f.lost_friction;
-      if constexpr (has_history) friction = select(touches, friction, h.d);
-      else friction = keep_if(touches, friction);
-      store_records(at_slot(slot - 4), Lanes4{keep_if(touches, share * f.lost_normal),
-                                              keep_if(touches, share * f.lost_tangential), share * friction, Lanes(0.0)});
+      if constexpr (remembers)
+        friction = select(touches, friction, h.d);
+      else
+        friction = keep_if(touches, friction);
+      store_records(at_slot(slot - 4),
+                    Lanes4{keep_if(touches, share * f.lost_normal), keep_if(touches, share * f.lost_tangential),
+                           share * friction, Lanes(0.0)});
     }
   }
   result.has_large_overlap = any(too_deep);

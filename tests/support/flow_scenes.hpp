@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "engine/scene/scene.hpp"
-#include "tests/unit/surface_shapes.hpp"
+#include "tests/support/surface_shapes.hpp"
 
 namespace moraine::scenes {
 
@@ -51,8 +51,8 @@ inline ParticleGroup lattice(Box box, double spacing, const std::string& materia
   return group;
 }
 
-inline WallDefinition& add_wall(Scene& scene, const std::string& name,
-                                decltype(WallDefinition::shape) shape, const std::string& material = "glass") {
+inline WallDefinition& add_wall(Scene& scene, const std::string& name, decltype(WallDefinition::shape) shape,
+                                const std::string& material = "glass") {
   WallDefinition wall;
   wall.name = name;
   wall.material = material;
@@ -193,12 +193,13 @@ inline Scene flat() {
   s.particles = {lattice({{0.0, 0.06, -0.5 * d}, {0.3, 0.36, 0.5 * d}}, 1.05 * d)};
   s.particles[0].velocity_deviation = 0.1;
   TriangleMesh wedge;
-  wedge.vertices = {{0.05, 0.0, -0.02}, {0.05, 0.0, 0.02}, {0.1, 0.04, -0.02}, {0.1, 0.04, 0.02}, {0.15, 0.0, -0.02}, {0.15, 0.0, 0.02}};
+  wedge.vertices = {{0.05, 0.0, -0.02}, {0.05, 0.0, 0.02},  {0.1, 0.04, -0.02},
+                    {0.1, 0.04, 0.02},  {0.15, 0.0, -0.02}, {0.15, 0.0, 0.02}};
   wedge.triangles = {{0, 1, 2}, {1, 3, 2}, {2, 3, 4}, {3, 5, 4}};
   add_wall(s, "wedge", MeshShape{"wedge.obj", wedge});
   TriangleMesh floor;  // with a hole between x = 0.2 and 0.24
-  floor.vertices = {{-0.01, 0.0, -0.02}, {-0.01, 0.0, 0.02}, {0.2, 0.0, -0.02}, {0.2, 0.0, 0.02},
-                    {0.24, 0.0, -0.02}, {0.24, 0.0, 0.02}, {0.31, 0.0, -0.02}, {0.31, 0.0, 0.02}};
+  floor.vertices = {{-0.01, 0.0, -0.02}, {-0.01, 0.0, 0.02}, {0.2, 0.0, -0.02},  {0.2, 0.0, 0.02},
+                    {0.24, 0.0, -0.02},  {0.24, 0.0, 0.02},  {0.31, 0.0, -0.02}, {0.31, 0.0, 0.02}};
   floor.triangles = {{0, 2, 1}, {1, 2, 3}, {4, 6, 5}, {5, 6, 7}};
   add_wall(s, "floor", MeshShape{"floor.obj", floor});
   s.outlets.push_back({"hole", 2});
@@ -234,8 +235,12 @@ struct Named {
 };
 
 inline std::vector<Named> all() {
-  return {{"periodic flow", periodic_flow(), 2500}, {"settled bed", settled_bed(), 3000}, {"hopper", hopper(), 3500},
-          {"gas", gas(), 2500},                     {"polydisperse", polydisperse(), 3000}, {"flat", flat(), 4000},
+  return {{"periodic flow", periodic_flow(), 2500},
+          {"settled bed", settled_bed(), 3000},
+          {"hopper", hopper(), 3500},
+          {"gas", gas(), 2500},
+          {"polydisperse", polydisperse(), 3000},
+          {"flat", flat(), 4000},
           {"mirrored", mirrored(), 3000}};
 }
 
