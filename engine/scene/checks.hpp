@@ -90,7 +90,8 @@ struct OverlapReport {
   double overlap = 0.0;   // [m]
   double relative = 0.0;  // [-] overlap over the smaller radius
 };
-/// Pairs whose overlap exceeds `limit` times the smaller radius; periodic images count. Time grows as the number of spheres.
+/// Pairs whose overlap exceeds `limit` times the smaller radius; periodic images count. Time grows as the number of
+/// spheres.
 OverlapReport find_overlaps(const std::vector<ListedSphere>& spheres, const Domain& domain, double limit);
 
 /// Overlap of a listed grain with anything, at the start, over the smaller radius: beyond it the scene is refused.

@@ -1,9 +1,9 @@
 // Overlaps among listed grains, by cells.
 //
-// Grains are put into levels by size, each level having half the diameter of the one above and a grid of its own with cells at
-// least as wide as its largest grain. A grain looks for partners in its own level and in coarser ones: there, any partner's
-// centre lies in one of the 27 cells around the grain's own place, because the sum of both radii is at most a cell's width. So
-// one boulder among a million grains costs nothing.
+// Grains are put into levels by size, each level having half the diameter of the one above and a grid of its own with
+// cells at least as wide as its largest grain. A grain looks for partners in its own level and in coarser ones: there,
+// any partner's centre lies in one of the 27 cells around the grain's own place, because the sum of both radii is at
+// most a cell's width. So one boulder among a million grains costs nothing.
 #include <algorithm>
 
 #include "engine/scene/checks.hpp"

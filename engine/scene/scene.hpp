@@ -98,7 +98,8 @@ struct RandomFill {
   std::optional<double> solid_fraction;  // [-] volume of grains over volume of region
   std::optional<std::int64_t> count;
 };
-/// Grains on a lattice in a region, spacing between neighbours; jitter displaces each by up to that fraction of the free gap.
+/// Grains on a lattice in a region, spacing between neighbours; jitter displaces each by up to that fraction of the
+/// free gap.
 struct LatticeFill {
   enum class Kind { cubic, hexagonal };
   Kind kind = Kind::cubic;

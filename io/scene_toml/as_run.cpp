@@ -52,8 +52,8 @@ bool is_new_entry(const Found& found, const Path& path) {
          found.node->items[0].kind == Node::Kind::table && !found.node->items[0].is_inline;
 }
 
-/// The text with the value at `path` changed to that of `wanted`, the whole document as it must become. Tries to touch as
-/// little as possible; whether it succeeded is for the caller to see.
+/// The text with the value at `path` changed to that of `wanted`, the whole document as it must become. Tries to touch
+/// as little as possible; whether it succeeded is for the caller to see.
 std::string edited(const std::string& text, const Path& path, const Node& wanted) {
   const Node document = parse_document(text, "");
   // The deepest part that is written as a value of its own can be replaced; a table under a header can be added to.

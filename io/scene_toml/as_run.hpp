@@ -7,7 +7,8 @@
 
 namespace moraine::scene_toml {
 
-/// The text with overrides (which must apply) and absolute file names written into it, everything else left as it stands.
+/// The text with overrides (which must apply) and absolute file names written into it, everything else left as it
+/// stands.
 std::string write_as_run(const std::string& text, const std::vector<std::string>& overrides,
                          const std::filesystem::path& base);
 

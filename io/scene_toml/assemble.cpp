@@ -80,7 +80,8 @@ class Assembler {
     return BoxRegion{box(draft->box.value_or(BoxDraft{}))};
   }
 
-  // ---- grains ----------------------------------------------------------------------------------------------------------
+  // ---- grains
+  // ----------------------------------------------------------------------------------------------------------
 
   void add_particles(std::size_t i) {
     const ParticleDraft& draft = draft_.particles[i];
@@ -180,7 +181,8 @@ class Assembler {
     for (std::string line; std::getline(lines, line);) reader_.complain_about(path, line);
   }
 
-  // ---- walls, outlets, probes ------------------------------------------------------------------------------------------
+  // ---- walls, outlets, probes
+  // ------------------------------------------------------------------------------------------
 
   void add_wall(std::size_t i) {
     const WallDraft& draft = draft_.walls[i];
@@ -251,7 +253,8 @@ class Assembler {
     scene_.output.probes.push_back(std::move(probe));
   }
 
-  // ---- contact ---------------------------------------------------------------------------------------------------------
+  // ---- contact
+  // ---------------------------------------------------------------------------------------------------------
 
   void add_contact(std::vector<std::size_t>& pair_origin) {
     scene_.contact = draft_.contact.laws;

@@ -6,8 +6,8 @@
 #include <sstream>
 
 // toml++ 3.3 asserts in places where a text can be at fault (a header "[.a]"), and with NDEBUG takes the assertion for
-// granted. A bad scene must not end the process: its assertions throw, in every build. So it is used as headers only, not as
-// the library that comes with it, whose assertions are as they were compiled.
+// granted. A bad scene must not end the process: its assertions throw, in every build. So it is used as headers only,
+// not as the library that comes with it, whose assertions are as they were compiled.
 namespace moraine::scene_toml {
 struct ParserGaveUp {};
 [[noreturn]] inline void give_up() { throw ParserGaveUp{}; }

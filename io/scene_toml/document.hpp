@@ -1,7 +1,7 @@
 // A TOML document as a tree that knows where each of its parts was written. Private to io/scene_toml.
 //
-// Own nodes instead of toml++'s, because a document here is the file and the overrides together: parts of it come from the
-// file, at a line, and parts from the command line.
+// Own nodes instead of toml++'s, because a document here is the file and the overrides together: parts of it come from
+// the file, at a line, and parts from the command line.
 #pragma once
 
 #include <cstdint>

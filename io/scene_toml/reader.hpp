@@ -1,7 +1,7 @@
 // Reading tables by tables of keys. Private to io/scene_toml.
 //
-// A KeyTable has one row a key: its name, type, unit, default and meaning, and how its value gets into a struct. Unknown keys,
-// missing keys, suggestions and the reference of all keys come from these rows and from nothing else.
+// A KeyTable has one row a key: its name, type, unit, default and meaning, and how its value gets into a struct.
+// Unknown keys, missing keys, suggestions and the reference of all keys come from these rows and from nothing else.
 #pragma once
 
 #include <array>

@@ -11,7 +11,8 @@ namespace moraine::scene_toml {
 
 namespace {
 
-// ---- what a type is called, and how a default is written -------------------------------------------------------------------
+// ---- what a type is called, and how a default is written
+// -------------------------------------------------------------------
 
 template <class V>
 struct TypeName;
@@ -84,7 +85,8 @@ std::string preset_text(const std::array<V, n>&) {
   return "none";
 }
 
-// ---- rows ------------------------------------------------------------------------------------------------------------------
+// ---- rows
+// ------------------------------------------------------------------------------------------------------------------
 
 enum Presence { optional_key, required_key };
 
@@ -189,7 +191,8 @@ Key<T> planned(const char* name, const char* meaning) {
           }};
 }
 
-// ---- sections --------------------------------------------------------------------------------------------------------------
+// ---- sections
+// --------------------------------------------------------------------------------------------------------------
 
 const KeyTable<BoxDraft>& box_keys() {
   static const KeyTable<BoxDraft> keys{{

@@ -1,7 +1,7 @@
 // All keys of a scene file, and what they are read into. Private to io/scene_toml.
 //
-// Drafts hold what the file says, before defaults that depend on other keys are filled in (a region is the whole domain where
-// none is given) and before the files it names are loaded; assemble() does both.
+// Drafts hold what the file says, before defaults that depend on other keys are filled in (a region is the whole domain
+// where none is given) and before the files it names are loaded; assemble() does both.
 #pragma once
 
 #include <cstdint>
@@ -96,8 +96,8 @@ struct SceneDraft {
 /// Reads the whole document; complains to the reader.
 SceneDraft read_draft(Reader& reader);
 
-/// Fills in what depends on other keys, and loads the files. `pair_origin` gives for each pair of the scene the number of its
-/// [[contact.pair]] in the file.
+/// Fills in what depends on other keys, and loads the files. `pair_origin` gives for each pair of the scene the number
+/// of its [[contact.pair]] in the file.
 Scene assemble(const SceneDraft& draft, const std::filesystem::path& base_directory, Reader& reader,
                std::vector<std::size_t>& pair_origin);
 

@@ -38,9 +38,9 @@ Scene read_scene(const std::filesystem::path& file, const std::vector<std::strin
 Scene read_scene_text(const std::string& text, const std::string& name, const std::vector<std::string>& overrides = {},
                       const std::filesystem::path& base_directory = {}, std::vector<SceneMessage>* warnings = nullptr);
 
-/// The text of a scene with its overrides applied and its file names made absolute, comments kept. It reads back to the same
-/// scene from anywhere. Stored in the run directory and in checkpoints. Throws SceneFileError where the text cannot be
-/// parsed or an override does not fit; does not check anything else.
+/// The text of a scene with its overrides applied and its file names made absolute, comments kept. It reads back to the
+/// same scene from anywhere. Stored in the run directory and in checkpoints. Throws SceneFileError where the text
+/// cannot be parsed or an override does not fit; does not check anything else.
 std::string scene_as_run(const std::filesystem::path& file, const std::vector<std::string>& overrides = {});
 std::string scene_text_as_run(const std::string& text, const std::string& name,
                               const std::vector<std::string>& overrides = {},

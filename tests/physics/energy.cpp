@@ -66,12 +66,6 @@ Drift drift_of(int n, double steps_per_contact, double time, int samples, int th
   return drift;
 }
 
-const char* name_of(NormalLaw law) { return law == NormalLaw::linear ? "linear" : "hertz"; }
-const char* name_of(TangentialLaw law) {
-  const char* const names[] = {"none", "viscous", "spring", "mindlin", "power"};
-  return names[static_cast<int>(law)];
-}
-
 struct Laws {
   NormalLaw normal;
   TangentialLaw tangential;
@@ -176,7 +170,7 @@ TEST_CASE("the ledger closes for every combination of laws, better with a shorte
               "%s %-7s %s %s: error over lost %.1e at dt, %.1e at dt/4, at the end %.1e and %.1e (lost: normal %.3g, "
               "tangential %.3g, friction %.3g, drag %.3g; "
               "rotational %.2g, tangential %.2g J)",
-              name_of(normal), name_of(tangential), rotation ? "rotating" : "plain   ", damping ? "damped" : "      ",
+              name_of(normal).data(), name_of(tangential).data(), rotation ? "rotating" : "plain   ", damping ? "damped" : "      ",
               coarse.error, fine.error, coarse.last, fine.last, e.lost_normal, e.lost_tangential, e.lost_friction,
               e.lost_drag, e.rotational, e.elastic_tangential);
           CHECK(fine.error < 5e-3);

@@ -89,7 +89,6 @@ Errors collide(const Collision& c) {
   return errors;
 }
 
-const char* name_of(NormalLaw law) { return law == NormalLaw::linear ? "linear" : "Hertz"; }
 
 }  // namespace
 
@@ -99,7 +98,7 @@ TEST_CASE("a collision gives the restitution of the scene for both normal laws, 
       Errors by_step[3];
       const double steps[3] = {20, 50, 200};
       for (int k = 0; k < 3; ++k) by_step[k] = collide({law, e, 1.0, steps[k], false});
-      report("%s e %.2f: mean error %.1e %.1e %.1e, worst %.1e %.1e %.1e at 20, 50, 200 steps a contact", name_of(law),
+      report("%s e %.2f: mean error %.1e %.1e %.1e, worst %.1e %.1e %.1e at 20, 50, 200 steps a contact", name_of(law).data(),
              e, by_step[0].mean, by_step[1].mean, by_step[2].mean, by_step[0].worst, by_step[1].worst,
              by_step[2].worst);
       CHECK(by_step[0].worst < 0.05);
@@ -121,7 +120,7 @@ TEST_CASE(
       report(
           "%s e %.1f: mean error %.2e at 20 and %.2e at 80 steps a contact, order %.2f; spread %.2e and %.2e, order "
           "%.2f",
-          name_of(law), e, coarse.mean, fine.mean, mean, coarse.spread, fine.spread, spread);
+          name_of(law).data(), e, coarse.mean, fine.mean, mean, coarse.spread, fine.spread, spread);
       // single pairs of steps scatter around these orders, because the phase at the end of a contact depends on the one at its begin
       if (e == 1.0)
         CHECK(spread > 2.0);
@@ -142,7 +141,7 @@ TEST_CASE("a collision gives the restitution of the scene for sizes from 1:1 to 
         mean = std::max(mean, errors.mean);
       }
       const Errors wall = collide({law, e, 1.0, 50, true});
-      report("%s e %.1f: sizes 1:1 to 1:20: mean error %.1e, worst %.1e; wall %.1e, %.1e", name_of(law), e, mean, worst,
+      report("%s e %.1f: sizes 1:1 to 1:20: mean error %.1e, worst %.1e; wall %.1e, %.1e", name_of(law).data(), e, mean, worst,
              wall.mean, wall.worst);
       CHECK(worst < 0.02);
       CHECK(mean < 2e-3);
@@ -182,7 +181,7 @@ TEST_CASE("a grain at rest on the ground overlaps it by its weight over the stif
       const State end = state_of(run);
       const double error = std::abs((radius - end.position[0].z) / overlap - 1.0),
                    creep = std::abs(end.position[0].z - settled) / radius;
-      report("%s e %.1f at rest: overlap off by %.1e of itself, creep %.1e radii, speed %.1e m/s", name_of(law), e,
+      report("%s e %.1f at rest: overlap off by %.1e of itself, creep %.1e radii, speed %.1e m/s", name_of(law).data(), e,
              error, creep, length(end.velocity[0]));
       CHECK(error < 1e-9);  // round-off of a coordinate over the overlap
       CHECK(creep < 1e-14);
