@@ -33,11 +33,11 @@ struct GrainFileContext {
 };
 
 /// Reads a list of grains. By the ending of the file:
-///   .csv, .txt, .dat, each also with .gz: a header, then one grain a line, separated by commas, semicolons, tabs or spaces.
-///     Columns in any order: x, y, z [m], then optionally r or d [m], vx, vy, vz [m/s], wx, wy, wz [rad/s], material (name).
-///     Lines that start with # are comments.
-///   .h5, .hdf5: datasets /particles/position (N, 3) and optionally radius (N), velocity (N, 3), angular_velocity (N, 3),
-///     material (N; number of the material in the scene), as in snapshots.
+///   .csv, .txt, .dat, each also with .gz: a header, then one grain a line, separated by commas, semicolons, tabs or
+///     spaces. Columns in any order: x, y, z [m], then optionally r or d [m], vx, vy, vz [m/s], wx, wy, wz [rad/s],
+///     material (name). Lines that start with # are comments.
+///   .h5, .hdf5: datasets /particles/position (N, 3) and optionally radius (N), velocity (N, 3), angular_velocity
+///     (N, 3), material (N; number of the material in the scene), as in snapshots.
 /// Material and angular velocity of every seed are set, from the file or from the context.
 /// Throws FileError with line and column, or with the dataset.
 ListedGrains load_grains(const std::filesystem::path& file, const GrainFileContext& context = {});
