@@ -170,9 +170,9 @@ TEST_CASE("the ledger closes for every combination of laws, better with a shorte
               "%s %-7s %s %s: error over lost %.1e at dt, %.1e at dt/4, at the end %.1e and %.1e (lost: normal %.3g, "
               "tangential %.3g, friction %.3g, drag %.3g; "
               "rotational %.2g, tangential %.2g J)",
-              name_of(normal).data(), name_of(tangential).data(), rotation ? "rotating" : "plain   ", damping ? "damped" : "      ",
-              coarse.error, fine.error, coarse.last, fine.last, e.lost_normal, e.lost_tangential, e.lost_friction,
-              e.lost_drag, e.rotational, e.elastic_tangential);
+              name_of(normal).data(), name_of(tangential).data(), rotation ? "rotating" : "plain   ",
+              damping ? "damped" : "      ", coarse.error, fine.error, coarse.last, fine.last, e.lost_normal,
+              e.lost_tangential, e.lost_friction, e.lost_drag, e.rotational, e.elastic_tangential);
           CHECK(fine.error < 5e-3);
           CHECK(fine.error < 0.7 * coarse.error);
           CHECK(e.lost_normal > 0.0);

@@ -89,7 +89,6 @@ Errors collide(const Collision& c) {
   return errors;
 }
 
-
 }  // namespace
 
 TEST_CASE("a collision gives the restitution of the scene for both normal laws, from 0.05 to 1", "[restitution]") {
@@ -98,9 +97,9 @@ TEST_CASE("a collision gives the restitution of the scene for both normal laws, 
       Errors by_step[3];
       const double steps[3] = {20, 50, 200};
       for (int k = 0; k < 3; ++k) by_step[k] = collide({law, e, 1.0, steps[k], false});
-      report("%s e %.2f: mean error %.1e %.1e %.1e, worst %.1e %.1e %.1e at 20, 50, 200 steps a contact", name_of(law).data(),
-             e, by_step[0].mean, by_step[1].mean, by_step[2].mean, by_step[0].worst, by_step[1].worst,
-             by_step[2].worst);
+      report("%s e %.2f: mean error %.1e %.1e %.1e, worst %.1e %.1e %.1e at 20, 50, 200 steps a contact",
+             name_of(law).data(), e, by_step[0].mean, by_step[1].mean, by_step[2].mean, by_step[0].worst,
+             by_step[1].worst, by_step[2].worst);
       CHECK(by_step[0].worst < 0.05);
       CHECK(by_step[1].worst < 0.02);
       CHECK(by_step[2].worst < 0.005);
@@ -141,8 +140,8 @@ TEST_CASE("a collision gives the restitution of the scene for sizes from 1:1 to 
         mean = std::max(mean, errors.mean);
       }
       const Errors wall = collide({law, e, 1.0, 50, true});
-      report("%s e %.1f: sizes 1:1 to 1:20: mean error %.1e, worst %.1e; wall %.1e, %.1e", name_of(law).data(), e, mean, worst,
-             wall.mean, wall.worst);
+      report("%s e %.1f: sizes 1:1 to 1:20: mean error %.1e, worst %.1e; wall %.1e, %.1e", name_of(law).data(), e, mean,
+             worst, wall.mean, wall.worst);
       CHECK(worst < 0.02);
       CHECK(mean < 2e-3);
       CHECK(wall.worst < 0.02);
@@ -181,8 +180,8 @@ TEST_CASE("a grain at rest on the ground overlaps it by its weight over the stif
       const State end = state_of(run);
       const double error = std::abs((radius - end.position[0].z) / overlap - 1.0),
                    creep = std::abs(end.position[0].z - settled) / radius;
-      report("%s e %.1f at rest: overlap off by %.1e of itself, creep %.1e radii, speed %.1e m/s", name_of(law).data(), e,
-             error, creep, length(end.velocity[0]));
+      report("%s e %.1f at rest: overlap off by %.1e of itself, creep %.1e radii, speed %.1e m/s", name_of(law).data(),
+             e, error, creep, length(end.velocity[0]));
       CHECK(error < 1e-9);  // round-off of a coordinate over the overlap
       CHECK(creep < 1e-14);
       CHECK(length(end.velocity[0]) < 1e-12);
