@@ -10,7 +10,8 @@
 // if the reduced mass were 1/s - gamma dt/2, so that the restitution would be wrong by the order of dt. The dashpot is therefore
 // made for that mass: gamma = 2 beta sqrt(k (1/s - gamma dt/2)), which is
 //   gamma = b (sqrt(4/s + b^2 dt^2) - b dt),   b = beta sqrt(k),
-// so that the restitution is second order in dt and stays in place for any damping (gamma dt/2 < 1/s). A contact at rest is left
+// so that this error is gone, for any damping (gamma dt/2 < 1/s). What remains comes from the step in which a contact begins,
+// where a dashpot sets in at once: first order, and different from impact to impact. A contact at rest is left
 // alone: its overlap is F/k. The viscous tangential law has no rest to keep; its force is taken at the velocity in the middle of
 // the kick, F = -gamma (v + dt/2 s_t F), stable for any viscosity; s_t = 7/2 s for spheres that rotate (1/m + r^2/I).
 #if defined(MORAINE_KERNELS_CONTACT_COEFFICIENTS_INL_HPP) == defined(HWY_TARGET_TOGGLE)
