@@ -70,28 +70,10 @@ Scene bed_scene(const std::string& deck, Size size) {
   return scene;
 }
 
-void put_grains(const Scene& scene, Particles& particles) {
-  const std::vector<GrainSeed> seeds = make_grains(scene, 1);
-  particles.resize(static_cast<std::int32_t>(seeds.size()));
-  for (std::int32_t i = 0; i < particles.size(); ++i) {
-    const GrainSeed& seed = seeds[static_cast<std::size_t>(i)];
-    const double r = seed.radius,
-                 mass = scene.materials[seed.material].density * 4.0 / 3.0 * std::numbers::pi * r * r * r;
-    double* const record = particles.record(i);
-    std::fill_n(record, particles.stride(), 0.0);
-    for (int c = 0; c < 3; ++c) record[c] = seed.position[c];
-    particles.set_real(Field::radius, i, 0, r);
-    particles.set_real(Field::inverse_mass, i, 0, 1.0 / mass);
-    if (particles.has(Field::inverse_inertia)) particles.set_real(Field::inverse_inertia, i, 0, 2.5 / (mass * r * r));
-    particles.set_gid(i, static_cast<std::uint64_t>(i));
-    particles.set_material(i, seed.material);
-  }
-}
-
 Bed::Bed(Size size, bool has_rotation) : particles({has_rotation, true, false, false}), table(law_table()) {
   const Scene scene = bed_scene("bed.toml", size);
   domain = scene.domain.box();
-  put_grains(scene, particles);
+  put_grains(scene, make_grains(scene, 1), particles);
   for (std::int32_t i = 0; i < particles.size(); ++i) {
     particles.set_material(i, static_cast<std::uint16_t>(i % 2));
     const Vec3 v = random_vector(particles.gid(i), 0), w = random_vector(particles.gid(i), 3);

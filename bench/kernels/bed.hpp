@@ -25,8 +25,6 @@ std::string name_of(NormalLaw normal, TangentialLaw tangential);
 
 /// The scene of a deck of bench/peers ("bed.toml"), its bed cut or repeated along x to the size.
 Scene bed_scene(const std::string& deck, Size size);
-/// The grains of such a scene.
-void put_grains(const Scene& scene, Particles& particles);
 
 /// A laid-out bed for one thread, with slots for any combination of laws. Slow random motion; so short a step that springs hardly
 /// move however often a kernel runs, so that the contacts that stick go on sticking (about nine in ten).

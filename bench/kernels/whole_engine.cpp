@@ -8,6 +8,7 @@
 
 #include "bench/kernels/bed.hpp"
 #include "engine/contacts/contacts.hpp"
+#include "engine/particles/fill.hpp"
 #include "engine/run/state_hash.hpp"
 #include "engine/walls/walls.hpp"
 #include "kernels/base/exact_sum.hpp"
@@ -28,7 +29,7 @@ struct Engine {
 
   Engine(const std::string& deck, Size size, int n_threads)
       : scene(bed_scene(deck, size)), walls(scene), dt(*scene.time.step) {
-    put_grains(scene, particles);
+    put_grains(scene, make_grains(scene, 1), particles);
     const double r = particles.radius(0);
     contacts = std::make_unique<Contacts>(scene, walls, GrainKind{true, particles.inverse_mass(0), r, r});
     kick.gain = kick.spin_gain = kick.drift = dt;

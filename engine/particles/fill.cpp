@@ -16,6 +16,7 @@
 #include "engine/particles/sizes.hpp"
 #include "kernels/base/exact_sum.hpp"
 #include "kernels/base/random.hpp"
+#include "kernels/base/sphere.hpp"
 
 namespace moraine {
 namespace {
@@ -48,8 +49,6 @@ std::uint16_t material_of(const Birth& birth) {
   if (index < 0) fail(birth, ".material", fmt::format("there is no material \"{}\"", birth.group.material));
   return static_cast<std::uint16_t>(index);
 }
-
-double sphere_volume(double radius) { return 4.0 / 3.0 * std::numbers::pi * radius * radius * radius; }
 
 /// Radii of grain 0, 1, ... of a group [m].
 double draw_radius(const Birth& birth, const DiameterSampler& diameter, std::uint64_t i) {

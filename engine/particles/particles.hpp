@@ -85,4 +85,7 @@ class Particles {
   AlignedArray<double> dissipated_, force_, torque_;
 };
 
+/// Puts grains at birth into storage, in the order of their gids, which count from 0. Throws SceneError where they are too many.
+void put_grains(const Scene& scene, const std::vector<GrainSeed>& seeds, Particles& particles);
+
 }  // namespace moraine

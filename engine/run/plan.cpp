@@ -9,6 +9,7 @@
 #include "engine/contacts/law_table.hpp"
 #include "engine/particles/fill.hpp"
 #include "engine/particles/sizes.hpp"
+#include "kernels/base/sphere.hpp"
 #include "kernels/contact/sweep.hpp"
 
 namespace moraine {
@@ -146,9 +147,7 @@ StepChoice choose_time_step(const Scene& scene) {
   const auto density = [&](const std::string& name) {
     return scene.materials[static_cast<std::size_t>(scene.material_index(name))].density;
   };
-  const auto mass = [&](const std::string& name, double d) {
-    return density(name) * std::numbers::pi / 6.0 * d * d * d;
-  };
+  const auto mass = [&](const std::string& name, double d) { return density(name) * sphere_volume(0.5 * d); };
   const auto consider = [&](const PairParameters& p, double reduced_mass, double reduced_radius,
                             const std::string& words) {
     const double time = contact_time(scene, p, reduced_mass, reduced_radius, speed);

@@ -4,17 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "kernels/base/exact_sum.hpp"
+#include "kernels/base/sphere.hpp"
 
 namespace moraine {
 
 namespace {
 
 constexpr const char* axis_names[] = {"x", "y", "z"};
-
-double volume_of(double radius) { return 4.0 / 3.0 * std::numbers::pi * radius * radius * radius; }
 
 int wall_index(const Scene& scene, const std::string& name) {
   for (std::size_t w = 0; w < scene.walls.size(); ++w)
@@ -72,7 +70,7 @@ std::vector<double> region(const ProbeView& view, const Probe& probe) {
     if (!p.is_here(i) || !probe.region.contains(p.position(i))) continue;
     is_in[static_cast<std::size_t>(i)] = true;
     n += 1.0;
-    volume.add(volume_of(p.radius(i)));
+    volume.add(sphere_volume(p.radius(i)));
     velocity.add(p.velocity(i));
     squares.add(squared_length(p.velocity(i)));
   }
@@ -97,7 +95,7 @@ std::vector<double> profile(const ProbeView& view, const Probe& probe) {
     if (!p.is_here(i) || !probe.region.contains(p.position(i))) continue;
     const auto bin =
         static_cast<std::size_t>(std::clamp(bin_of(probe, probe.region, p.position(i)), 0, probe.bins - 1));
-    volume[bin].add(volume_of(p.radius(i)));
+    volume[bin].add(sphere_volume(p.radius(i)));
     velocity[bin].add(p.velocity(i));
     count[bin] += 1.0;
   }

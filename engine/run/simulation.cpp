@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 #include <optional>
 
@@ -53,29 +52,6 @@ GrainKind kind_of(const Particles& particles) {
                       particles.material(i) == particles.material(0);
   }
   return kind;
-}
-
-void put_seeds(const Scene& scene, const std::vector<GrainSeed>& seeds, Particles& particles) {
-  if (seeds.size() >= (std::size_t{1} << 30))
-    throw SceneError({{"particles", "more than 2^30 grains in one rank; use more ranks", false}});
-  particles.resize(static_cast<std::int32_t>(seeds.size()));
-  for (std::int32_t i = 0; i < particles.size(); ++i) {
-    const GrainSeed& seed = seeds[static_cast<std::size_t>(i)];
-    const double mass =
-        scene.materials[seed.material].density * 4.0 / 3.0 * std::numbers::pi * seed.radius * seed.radius * seed.radius;
-    for (int c = 0; c < 3; ++c) {
-      particles.set_real(Field::position, i, c, seed.position[c]);
-      particles.set_real(Field::velocity, i, c, seed.velocity[c]);
-      if (scene.contact.rotation) particles.set_real(Field::angular_velocity, i, c, seed.angular_velocity[c]);
-    }
-    particles.set_real(Field::radius, i, 0, seed.radius);
-    particles.set_real(Field::inverse_mass, i, 0, 1.0 / mass);
-    if (scene.contact.rotation)
-      particles.set_real(Field::inverse_inertia, i, 0, 1.0 / (0.4 * mass * seed.radius * seed.radius));
-    if (scene.domain.dimensions == 2) particles.set_real(Field::velocity, i, 2, 0.0);
-    particles.set_gid(i, static_cast<std::uint64_t>(i));
-    particles.set_material(i, seed.material);
-  }
 }
 
 void put_image(const Image& image, Particles& particles) {
@@ -326,8 +302,7 @@ void Simulation::Parts::advance() {
   contacts->advance(particles, kick_of(step == 0 ? 0.5 * dt : dt), dt, n_threads, result);
   if (step == 0 && particles.has(Field::dissipated)) {  // rates are counted for half a step at the start
     double* const lost = particles.dissipated();
-    for (std::ptrdiff_t k = 0; k < 4 * static_cast<std::ptrdiff_t>(particles.size()); ++k)
-      if (k % 4 == 0) lost[k] *= 0.5;
+    for (std::ptrdiff_t i = 0; i < particles.size(); ++i) lost[4 * i] *= 0.5;
   }
   travelled += result.max_speed * dt;
 }
@@ -516,7 +491,7 @@ Simulation::Simulation(const Scene& scene, int n_threads) {
   check(scene);
   parts_ = std::make_unique<Parts>(scene, n_threads);
   Parts& p = *parts_;
-  put_seeds(scene, make_grains(scene, n_threads), p.particles);
+  put_grains(scene, make_grains(scene, n_threads), p.particles);
   p.census.n_born = p.particles.size();
   for (std::int32_t i = 0; i < p.particles.size(); ++i) p.census.mass_born += 1.0 / p.particles.inverse_mass(i);
   p.make_contacts();

@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "engine/scene/checks.hpp"
+#include "kernels/base/sphere.hpp"
 
 namespace moraine::checks {
 
@@ -37,8 +38,7 @@ double volume(const Region& region) {
   if (const auto* box = std::get_if<BoxRegion>(&region)) return box->box.volume();
   if (const auto* cylinder = std::get_if<CylinderRegion>(&region))
     return std::numbers::pi * cylinder->radius * cylinder->radius * cylinder->length;
-  const double radius = std::get<SphereRegion>(region).radius;
-  return 4.0 / 3.0 * std::numbers::pi * radius * radius * radius;
+  return sphere_volume(std::get<SphereRegion>(region).radius);
 }
 
 Box bounds(const Region& region) {
