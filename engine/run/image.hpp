@@ -1,6 +1,7 @@
 // An image of a run at one moment: all that is needed to write a snapshot or a checkpoint, or to go on from one, in plain
 // arrays in order of gid. It knows nothing of layout, memory order or files: input and output on one side and the engine on
-// the other meet here.
+// the other meet here. With several ranks each holds consecutive rows of grains, pairs and walls; those of all ranks, in order of rank,
+// are the whole.
 #pragma once
 
 #include <array>
@@ -57,12 +58,12 @@ struct Image {
   double time_step = 0.0;  // [s]
   Box domain;              // [m]
   std::array<bool, 3> periodic{};
-  std::uint64_t n_grains = 0;
+  std::uint64_t n_grains = 0;  // of all ranks
   std::vector<FieldArray> fields;
   std::vector<PairHistory> pairs;  // in order of (gid_low, gid_high, image); empty in snapshots
   std::vector<WallHistory> walls;  // in order of (gid, surface, normal); empty in snapshots
-  std::map<std::string, std::vector<double>>
-      accumulators;  // named state of observers and counters; doubles carry it exactly
+  // named state of observers and counters; doubles carry it exactly; the same on all ranks
+  std::map<std::string, std::vector<double>> accumulators;
   Hash128 hash;
 
   const FieldArray* find(Field field) const {

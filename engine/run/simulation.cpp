@@ -165,14 +165,18 @@ struct Simulation::Parts {
   std::uint64_t n_rebuilds = 0, steps_since_rebuild = 0;
   StepResult result;
 
-  Parts(const Scene& s, int threads)
+  World world;
+  bool is_stop_wanted = false, is_stop_agreed = false;
+
+  Parts(const Scene& s, int threads, const World& ranks)
       : scene(s),
         n_threads(threads),
         plan(make_plan(s, threads)),
         walls(s),
         particles(needs_of(s)),
         dt(plan.time_step.step),
-        probe_memory(s.output.probes.size()) {}
+        probe_memory(s.output.probes.size()),
+        world(ranks) {}
 
   double time() const { return static_cast<double>(step) * dt; }
   GuardView guard_view() const {
@@ -487,9 +491,9 @@ Image Simulation::Parts::image_head() const {
   return image;
 }
 
-Simulation::Simulation(const Scene& scene, int n_threads) {
+Simulation::Simulation(const Scene& scene, int n_threads, const World& world) {
   check(scene);
-  parts_ = std::make_unique<Parts>(scene, n_threads);
+  parts_ = std::make_unique<Parts>(scene, n_threads, world);
   Parts& p = *parts_;
   put_grains(scene, make_grains(scene, n_threads), p.particles);
   p.census.n_born = p.particles.size();
@@ -502,9 +506,9 @@ Simulation::Simulation(const Scene& scene, int n_threads) {
   p.stopwatch.start(Phase::observe);
 }
 
-Simulation::Simulation(const Scene& scene, int n_threads, const Image& image) {
+Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, const World& world) {
   check(scene);
-  parts_ = std::make_unique<Parts>(scene, n_threads);
+  parts_ = std::make_unique<Parts>(scene, n_threads, world);
   Parts& p = *parts_;
   if (image.time_step != p.dt)
     throw SceneError({{"time.step",
@@ -551,6 +555,12 @@ void Simulation::step() {
   p.tick();
 }
 
+const World& Simulation::world() const { return parts_->world; }
+void Simulation::ask_to_stop() {
+  parts_->is_stop_wanted = true;
+  if (parts_->world.is_alone()) parts_->is_stop_agreed = true;
+}
+bool Simulation::is_stop_agreed() const { return parts_->is_stop_agreed; }
 const Scene& Simulation::scene() const { return parts_->scene; }
 const Plan& Simulation::plan() const { return parts_->plan; }
 std::uint64_t Simulation::step_number() const { return parts_->step; }

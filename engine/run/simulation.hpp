@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "comm/world.hpp"
 #include "engine/run/image.hpp"
 #include "engine/run/ledger.hpp"
 #include "engine/run/plan.hpp"
@@ -22,40 +23,50 @@ struct RunError : std::runtime_error {
 
 class Simulation {
  public:
-  /// Fills the scene with its grains. Throws SceneError (with every problem) where the scene cannot be run.
-  Simulation(const Scene& scene, int n_threads);
-  /// Goes on from an image of the same scene.
-  Simulation(const Scene& scene, int n_threads, const Image& image);
+  /// Fills the scene with its grains. Throws SceneError (with every problem) where the scene cannot be run. The ranks of `world`
+  /// share the grains; all of them make the same calls in the same order. What is marked "all ranks" below must be
+  /// called by all at the same step, and gives the same on each, but for images, of which each rank holds its rows.
+  Simulation(const Scene& scene, int n_threads, const World& world = {});
+  /// Goes on from an image of the same scene; each rank gives any part of its rows, as long as all rows are given once.
+  Simulation(const Scene& scene, int n_threads, const Image& image, const World& world = {});
   ~Simulation();
   Simulation(Simulation&&) noexcept;
   Simulation& operator=(Simulation&&) noexcept;
 
-  /// Advances by one time step. Throws RunError.
+  /// Advances by one time step. Throws RunError, on the rank that finds the fault.
   void step();
+
+  const World& world() const;
+  /// Asks that the run should end. Ranks agree on it when they next look at how far the grains have come (at most some tens of
+  /// steps later), so that all end at the same step; alone it holds at once.
+  void ask_to_stop();
+  bool is_stop_agreed() const;
 
   const Scene& scene() const;
   const Plan& plan() const;
   std::uint64_t step_number() const;
   double time() const;       // [s]
   double time_step() const;  // [s]
+  /// Of all ranks. With several of them as it was when they last looked or observed; exact after snapshot(), checkpoint(), energy().
   std::uint64_t n_grains() const;
   std::uint64_t n_born() const;
   std::uint64_t n_left() const;
   std::uint64_t n_rebuilds() const;
-  /// Bytes that grains, pairs, wall contacts and cells hold now.
+  /// Bytes that grains, pairs, wall contacts and cells of this rank hold now.
   double memory() const;
 
-  /// Everything needed to go on, in order of gid.
+  /// Everything needed to go on, in order of gid. All ranks; each gets consecutive rows, in order of rank.
   Image checkpoint() const;
-  /// The given fields only (empty: all that travel), in order of gid.
+  /// The given fields only (empty: all that travel), in order of gid. All ranks, as above.
   Image snapshot(const std::vector<std::string>& fields = {}) const;
+  /// All ranks.
   Hash128 state_hash() const;
-  /// Throws std::logic_error unless the scene keeps the ledger (Output::energy).
+  /// Throws std::logic_error unless the scene keeps the ledger (Output::energy). All ranks.
   EnergyLedger energy() const;
-  /// Where the time went since the start.
+  /// Where the time of this rank went since the start.
   std::vector<PhaseTime> phases() const;
 
-  /// One row of a probe, with its column names; the observers call it when it is due.
+  /// One row of a probe, with its column names; the observers call it when it is due. All ranks.
   std::vector<std::string> probe_columns(std::size_t probe) const;
   std::vector<double> probe_row(std::size_t probe);
 
