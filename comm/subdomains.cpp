@@ -101,7 +101,7 @@ Subdomains Subdomains::cut(const World& world, int n_parts, std::span<const Weig
                            const CutSpace& space) {
   Subdomains result;
   result.periodic_ = space.periodic;
-  result.period_ = space.domain.size();
+  result.domain_ = space.domain;
   if (n_parts <= 1) return result;
   const Grid grid = make_grid(world, points, space);
   const Box nothing{{0, 0, 0}, {0, 0, 0}};
@@ -194,7 +194,7 @@ bool Subdomains::is_empty(int part) const { return is_nothing(box(part)); }
 bool Subdomains::spans(int part, int axis) const {
   if (!periodic_[static_cast<std::size_t>(axis)]) return false;
   const Box& own = box(part);
-  return own.high[axis] - own.low[axis] >= period_[axis] * (1.0 - 1e-12);
+  return own.high[axis] - own.low[axis] >= period()[axis] * (1.0 - 1e-12);
 }
 
 int Subdomains::owner(Vec3 position) const {
@@ -204,30 +204,48 @@ int Subdomains::owner(Vec3 position) const {
   return node->lower;
 }
 
+double Subdomains::squared_gap(const Box& own, const Box& there, const std::array<int, 3>& steps) const {
+  double squared = 0.0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int step = steps[static_cast<std::size_t>(axis)];
+    const double by = step == 0 ? 0.0 : step * period()[axis];  // no 0 * infinity
+    // Written so that the two boxes may change places (with negated steps) and every bit of the result stays.
+    const double above = (there.low[axis] - own.high[axis]) - by, below = (own.low[axis] - there.high[axis]) + by;
+    const double gap = std::max({0.0, above, below});
+    squared += gap * gap;
+  }
+  return squared;
+}
+
+void Subdomains::add_near(int part, double reach, const std::array<int, 3>& steps, std::int32_t node, const Box& within,
+                          std::vector<Near>& found) const {
+  if (!(squared_gap(box(part), within, steps) < reach * reach)) return;
+  const Cut& cut = tree_[static_cast<std::size_t>(node)];
+  if (cut.axis < 0) {
+    if (cut.lower != part) found.push_back({cut.lower, steps});
+    return;
+  }
+  Box below = within, above = within;
+  below.high[cut.axis] = above.low[cut.axis] = cut.at;
+  add_near(part, reach, steps, cut.lower, below, found);
+  add_near(part, reach, steps, cut.upper, above, found);
+}
+
 std::vector<Subdomains::Near> Subdomains::near(int part, double reach) const {
   std::vector<Near> found;
-  const Box& own = box(part);
-  if (is_nothing(own)) return found;
+  if (is_empty(part)) return found;
   std::array<int, 3> most{};
-  for (std::size_t a = 0; a < 3; ++a) most[a] = periodic_[a] && is_cut_[a] ? 1 : 0;
-  for (int other = 0; other < size(); ++other) {
-    if (other == part || is_empty(other)) continue;
-    const Box& there = box(other);
-    for (int x = -most[0]; x <= most[0]; ++x)
-      for (int y = -most[1]; y <= most[1]; ++y)
-        for (int z = -most[2]; z <= most[2]; ++z) {
-          const std::array<int, 3> steps = {x, y, z};
-          double squared = 0.0;
-          for (int axis = 0; axis < 3; ++axis) {
-            const int step = steps[static_cast<std::size_t>(axis)];
-            const double by = step == 0 ? 0.0 : step * period_[axis];  // no 0 * infinity
-            const double gap =
-                std::max({0.0, there.low[axis] - (own.high[axis] + by), own.low[axis] + by - there.high[axis]});
-            squared += gap * gap;
-          }
-          if (squared < reach * reach) found.push_back({other, steps});
-        }
+  Box all;
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto a = static_cast<std::size_t>(axis);
+    most[a] = periodic_[a] && is_cut_[a] ? 1 : 0;
+    all.low[axis] = periodic_[a] ? domain_.low[axis] : -infinity_;
+    all.high[axis] = periodic_[a] ? domain_.high[axis] : infinity_;
   }
+  for (int x = -most[0]; x <= most[0]; ++x)
+    for (int y = -most[1]; y <= most[1]; ++y)
+      for (int z = -most[2]; z <= most[2]; ++z) add_near(part, reach, {x, y, z}, 0, all, found);
+  std::stable_sort(found.begin(), found.end(), [](const Near& a, const Near& b) { return a.part < b.part; });
   return found;
 }
 

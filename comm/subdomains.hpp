@@ -46,11 +46,15 @@ class Subdomains {
   int owner(Vec3 position) const;
   /// True where the axis is cut anywhere, so that parts need not span it.
   bool is_cut(int axis) const { return is_cut_[static_cast<std::size_t>(axis)]; }
+  bool is_periodic(int axis) const { return periodic_[static_cast<std::size_t>(axis)]; }
   /// True where the axis is periodic and the part takes all of it: its grains then meet their own images along it.
   bool spans(int part, int axis) const;
   /// Width of the narrowest part along cut periodic axes [m]; infinite where there are none. Pairs must not reach further, as a part
   /// would then meet its own images.
   double narrowest() const { return narrowest_; }
+
+  /// Lengths of the domain [m]; those of periodic directions are the periods.
+  Vec3 period() const { return domain_.size(); }
 
   /// A part that is near another, seen through a periodic shift: x + steps * period of a grain of the one lies near the other.
   struct Near {
@@ -58,7 +62,8 @@ class Subdomains {
     std::array<int, 3> steps{};
   };
   /// Whose boxes, shifted by whole periods, come nearer than `reach` to the box of `part` (itself left out, empty ones too), in order of part.
-  /// `steps` shift grains of `part` towards the other.
+  /// `steps` shift grains of `part` towards the other. Symmetric: the other finds
+  /// `part` with the steps negated. A walk down the tree: the time grows with what is found, not with the number of parts.
   std::vector<Near> near(int part, double reach) const;
 
   bool operator==(const Subdomains&) const = default;
@@ -70,11 +75,17 @@ class Subdomains {
     std::int32_t lower = 0, upper = 0;  // nodes: below `at`, and from it on
     bool operator==(const Cut&) const = default;
   };
+  /// Squared distance of two boxes, the first shifted by whole periods [m2].
+  double squared_gap(const Box& own, const Box& there, const std::array<int, 3>& steps) const;
+  /// Goes down the tree from a node that lies within a box.
+  void add_near(int part, double reach, const std::array<int, 3>& steps, std::int32_t node, const Box& within,
+                std::vector<Near>& found) const;
+
   std::vector<Box> boxes_{1, Box{{-infinity_, -infinity_, -infinity_}, {infinity_, infinity_, infinity_}}};
   std::vector<Cut> tree_{1};
   std::array<bool, 3> is_cut_{};
   std::array<bool, 3> periodic_{};
-  Vec3 period_;
+  Box domain_;
   double narrowest_ = infinity_;
   static constexpr double infinity_ = std::numeric_limits<double>::infinity();
 };

@@ -80,12 +80,12 @@ void build(benchmark::State& state, Size size, int n_threads) {
   b.cells.sort(b.particles, b.domain, {false, false, false}, 2.0 * b.particles.radius(0) + Bed::skin, n_threads);
   b.particles.reorder(b.cells.order(), n_threads);
   // in order already, so that grains stay where their memory is
-  b.pairs.build(b.particles, b.cells, {}, Bed::skin, b.needs, b.cells.order(), {}, 1);
+  b.pairs.build(b.particles, b.cells, {}, {}, Bed::skin, b.needs, b.cells.order(), {}, 1);
   b.n_slots = b.thread().tiles.back().pair_end;
   b.restart(NormalLaw::linear, TangentialLaw::spring);
-  const PairCarry carry = b.pairs.carry(b.particles.size(), false, 1);
+  const PairCarry carry = b.pairs.carry(b.particles, {}, false, 1);
   measure(state, work_of_grains(b, n_threads),
-          [&] { b.pairs.build(b.particles, b.cells, {}, Bed::skin, b.needs, b.cells.order(), carry, n_threads); });
+          [&] { b.pairs.build(b.particles, b.cells, {}, {}, Bed::skin, b.needs, b.cells.order(), carry, n_threads); });
   state.counters["pairs"] = b.n_pairs();
 }
 

@@ -153,12 +153,33 @@ void Cells::sort(const Particles& particles, const Box& domain, const std::array
 
 int Cells::runs_after(std::int32_t i, Run* runs) const {
   const int cell = cell_of_[static_cast<std::size_t>(i)];
+  const int n_middle = counts_[1], n_fast = counts_[2];
+  const std::array<int, 3> where = {cell / (n_fast * n_middle), cell / n_fast % n_middle, cell % n_fast};
+  return runs_near(where, where[0] * n_middle + where[1], i + 1, runs);
+}
+
+int Cells::runs_around(Vec3 point, Run* runs) const {
+  // The point may lie outside the cells; further than one cell outside, nothing is near.
+  std::array<int, 3> cell{};
+  for (std::size_t role = 0; role < 3; ++role) {
+    const int axis = axes_[role];
+    const double c = std::floor((point[axis] - low_[axis]) * inverse_width_[axis]);
+    if (!(c >= -2.0 && c <= counts_[role] + 1.0)) return 0;
+    cell[role] = static_cast<int>(c);
+    if (wraps_[role]) cell[role] = std::clamp(cell[role], 0, counts_[role] - 1);
+  }
+  return runs_near(cell, 0, 0, runs);
+}
+
+/// Runs of the grains from `first_grain` on, in rows from `first_row` on, in the cells around one.
+int Cells::runs_near(const std::array<int, 3>& cell, int first_row, std::int32_t first_grain, Run* runs) const {
   const int n_slow = counts_[0], n_middle = counts_[1], n_fast = counts_[2];
-  const int fast = cell % n_fast, middle = cell / n_fast % n_middle, slow = cell / (n_fast * n_middle);
+  const int slow = cell[0], middle = cell[1], fast = cell[2];
   int n = 0;
   std::array<int, 3> step{};  // image steps by axis
   const auto add = [&](int row, int first, int last) {
-    const std::int32_t begin = std::max(cell_begin_[static_cast<std::size_t>(row * n_fast + first)], i + 1);
+    if (first > last) return;
+    const std::int32_t begin = std::max(cell_begin_[static_cast<std::size_t>(row * n_fast + first)], first_grain);
     const std::int32_t end = cell_begin_[static_cast<std::size_t>(row * n_fast + last + 1)];
     if (begin < end) runs[n++] = {{begin, end}, image::code(step[0], step[1], step[2])};
   };
@@ -168,8 +189,6 @@ int Cells::runs_after(std::int32_t i, Run* runs) const {
       if (!wraps_[0]) continue;
       step_slow = s < 0 ? 1 : -1;
       s += step_slow * n_slow;
-    } else if (ds < 0) {
-      continue;  // all before i
     }
     step[static_cast<std::size_t>(axes_[0])] = step_slow;
     for (int dm = -1; dm <= 1; ++dm) {
@@ -180,7 +199,7 @@ int Cells::runs_after(std::int32_t i, Run* runs) const {
         m += step_middle * n_middle;
       }
       const int row = s * n_middle + m;
-      if (row < slow * n_middle + middle) continue;  // all before i
+      if (row < first_row) continue;
       step[static_cast<std::size_t>(axes_[1])] = step_middle;
       step[static_cast<std::size_t>(axes_[2])] = 0;
       add(row, std::max(fast - 1, 0), std::min(fast + 1, n_fast - 1));

@@ -25,6 +25,18 @@ constexpr std::uint8_t inverse(std::uint8_t c) {
   const auto s = steps(c);
   return code(-s[0], -s[1], -s[2]);
 }
+/// The image's image.
+constexpr std::uint8_t sum(std::uint8_t c, std::uint8_t d) {
+  const auto s = steps(c), t = steps(d);
+  return code(s[0] + t[0], s[1] + t[1], s[2] + t[2]);
+}
+/// The code of a pair of which one grain (b or a) has been brought back by whole periods: x(new) = x(old) + by * period. The separation
+/// x_a - x_b + shift stays: where x_a grows by a period, the shift falls by one; as x_b grows, it grows.
+constexpr std::uint8_t shifted(std::uint8_t c, const std::array<int, 3>& by, bool is_b) {
+  const auto s = steps(c);
+  const int sign = is_b ? 1 : -1;
+  return code(s[0] + sign * by[0], s[1] + sign * by[1], s[2] + sign * by[2]);
+}
 /// Of a grain and its own image, the one of the two codes that stands for both.
 constexpr bool is_positive(std::uint8_t c) {
   const auto s = steps(c);
@@ -50,6 +62,8 @@ class Cells {
   };
   /// Runs of grains that may be near grain i (by sorted place) and come after it. At most 27 runs.
   int runs_after(std::int32_t i, Run* runs) const;
+  /// Runs of all grains that may be near a point that is no grain of these (a ghost). At most 27 runs.
+  int runs_around(Vec3 point, Run* runs) const;
   static constexpr int max_runs = 27;
 
   /// Centres may come nearer than this [m].
@@ -66,6 +80,7 @@ class Cells {
 
  private:
   std::array<int, 3> cell_of(Vec3 p) const;
+  int runs_near(const std::array<int, 3>& cell, int first_row, std::int32_t first_grain, Run* runs) const;
   std::array<int, 3> axes_{0, 1, 2};  // which axis is slow, middle, fast
   std::array<int, 3> counts_{1, 1, 1};
   std::array<bool, 3> wraps_{};     // by role

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "engine/contacts/migration.hpp"
 #include "engine/threads.hpp"
 
 namespace moraine {
@@ -25,7 +26,7 @@ LawChoice choose_laws(const Scene& scene, bool is_uniform) {
 
 }  // namespace
 
-Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind)
+Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind, const World& world)
     : domain_(scene.domain.box()),
       periodic_(scene.domain.periodic),
       laws_(scene),
@@ -37,6 +38,7 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
       max_overlap_(scene.run.max_overlap),
       walls_(&walls),
       image_shift_(image_shifts(domain_.size())),
+      world_(world),
       wall_contacts_(walls, moraine::has_history(scene.contact.tangential),
                      slot_size(choice_.has_rotation, choice_.has_ledger)) {
   needs_.has_history = moraine::has_history(choice_.tangential);
@@ -48,22 +50,40 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
 }
 
 void Contacts::rebuild(Particles& particles, double skin, double time, int n_threads) {
-  const PairCarry pairs = pairs_.carry(particles.size(), choice_.has_ledger, n_threads);
+  const std::vector<std::uint8_t> is_leaving = leaving_grains(world_, subdomains_, particles);
+  PairCarry pairs = pairs_.carry(particles, is_leaving, choice_.has_ledger, n_threads);
   pairs_.forget();
-  build(particles, pairs, wall_contacts_.carry(), skin, time, n_threads);
+  WallCarry walls = wall_contacts_.carry();
+  build(particles, pairs, walls, is_leaving, skin, time, n_threads);
 }
 
 void Contacts::restore(Particles& particles, PairCarry pairs, WallCarry walls, double skin, double time,
                        int n_threads) {
-  build(particles, pairs, walls, skin, time, n_threads);
+  build(particles, pairs, walls, leaving_grains(world_, subdomains_, particles), skin, time, n_threads);
 }
 
-void Contacts::build(Particles& particles, const PairCarry& pairs, const WallCarry& walls, double skin, double time,
-                     int n_threads) {
-  cells_.sort(particles, domain_, periodic_, 2.0 * largest_radius_ + skin, n_threads);
+void Contacts::build(Particles& particles, PairCarry& pairs, WallCarry& walls,
+                     std::span<const std::uint8_t> is_leaving, double skin, double time, int n_threads) {
+  std::array<bool, 3> wraps = periodic_;  // the directions in which this rank's grains meet their own images
+  if (!world_.is_alone()) {
+    n_migrated_ += migrate(world_, subdomains_, is_leaving, particles, pairs, walls, n_threads);
+    for (int axis = 0; axis < 3; ++axis) wraps[static_cast<std::size_t>(axis)] = subdomains_.spans(world_.rank(), axis);
+  }
+  cells_.sort(particles, domain_, wraps, 2.0 * largest_radius_ + skin, n_threads);
   particles.reorder(cells_.order(), n_threads);
-  pairs_.build(particles, cells_, image_shift_, skin, needs_, cells_.order(), pairs, n_threads);
+  if (!world_.is_alone()) ghosts_.make(world_, subdomains_, particles, largest_radius_, skin);
+  pairs_.build(particles, cells_, ghosts_.copies(), image_shift_, skin, needs_, cells_.order(), pairs, n_threads);
   wall_contacts_.build(particles, pairs_, skin, time, cells_.order(), walls, n_threads);
+}
+
+void Contacts::refresh(Particles& particles) {
+  if (ghosts_.are_fresh()) return;
+  ghosts_.start_refresh(particles);
+  finish_refresh(particles);
+}
+
+void Contacts::finish_refresh(Particles& particles) {
+  pairs_.follow_ghosts(particles, ghosts_.finish_refresh(particles), energy_left_);
 }
 
 struct Contacts::ThreadStep {
@@ -74,8 +94,10 @@ struct Contacts::ThreadStep {
 void Contacts::advance(Particles& particles, const Kick& kick, double dt, int n_threads, StepResult& result) {
   const int n_active = std::min(n_threads, static_cast<int>(pairs_.threads().size()));
   std::vector<ThreadStep> steps(static_cast<std::size_t>(n_active));
+  if (!ghosts_.are_fresh()) ghosts_.start_refresh(particles);
   parallel(n_active,
            [&](int thread) { advance_thread(particles, kick, dt, thread, steps[static_cast<std::size_t>(thread)]); });
+  ghosts_.set_fresh(world_.is_alone());
   result = StepResult{};
   for (const ThreadStep& step : steps) {
     result.n_touching += step.result.n_touching;
@@ -148,7 +170,13 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   };
 
   const int slot = needs_.slot_size;
-  for (std::size_t t = 0; t < mine.tiles.size(); ++t) {
+  const auto sweep_kept = [&](const Tile& tile) {
+    if (tile.pair_end > tile.kept_begin)
+      note(kernels_.pairs(sweep, {tile.kept_begin, tile.pair_end},
+                          pairs_.kept_slots() + std::int64_t{tile.kept_slot} * slot));
+  };
+  const std::size_t n_tiles = mine.tiles.size() - (mine.has_border ? 1 : 0);
+  for (std::size_t t = 0; t < n_tiles; ++t) {
     const Tile& tile = mine.tiles[t];
     for (std::int64_t k = tile.ring_begin; k < tile.kept_begin;) {  // up to the end of the ring, then from its start
       const std::int64_t place = k & mine.ring_mask;
@@ -156,14 +184,18 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
       note(kernels_.pairs(sweep, {k, end}, mine.ring.data() + place * slot));
       k = end;
     }
-    if (tile.pair_end > tile.kept_begin)
-      note(kernels_.pairs(sweep, {tile.kept_begin, tile.pair_end},
-                          pairs_.kept_slots() + std::int64_t{tile.kept_slot} * slot));
+    sweep_kept(tile);
     touch_walls(wall_contacts_.tile(thread, t));
     if (tile.plain_begin < 0)
       advance_grains(nullptr, {tile.grain_begin, tile.grain_end});
     else
       advance_grains(mine.plain.data(), {tile.plain_begin, tile.plain_end});
+  }
+  // Border pairs need the ghosts, deferred grains the slots of all threads. The first thread speaks for the rank.
+  if (thread == 0 && !ghosts_.are_fresh()) finish_refresh(particles);
+  if (mine.has_border) {
+    barrier();
+    sweep_kept(mine.tiles.back());
   }
   barrier();
   touch_walls(wall_contacts_.deferred(thread));
@@ -183,6 +215,7 @@ Contacts::Velocities Contacts::velocities_now(Particles& particles, const Kick& 
   for (const ThreadPairs& t : pairs_.threads()) histories.push_back(copy_of(t.history.data(), t.history.size()));
   const auto walls = wall_contacts_.save();
 
+  const bool were_fresh = ghosts_.are_fresh();
   StepResult ignored;
   advance(particles, half_kick, dt, n_threads, ignored);
   Velocities now;
@@ -200,6 +233,7 @@ Contacts::Velocities Contacts::velocities_now(Particles& particles, const Kick& 
   if (particles.torque()) put_back(torque, particles.torque());
   for (std::size_t t = 0; t < histories.size(); ++t) put_back(histories[t], pairs_.threads()[t].history.data());
   wall_contacts_.put_back(walls);
+  ghosts_.set_fresh(were_fresh);
   return now;
 }
 

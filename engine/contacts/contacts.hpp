@@ -6,7 +6,10 @@
 #include <span>
 #include <vector>
 
+#include "comm/subdomains.hpp"
+#include "comm/world.hpp"
 #include "engine/contacts/cells.hpp"
+#include "engine/contacts/ghosts.hpp"
 #include "engine/contacts/law_table.hpp"
 #include "engine/contacts/pair_list.hpp"
 #include "engine/contacts/wall_contacts.hpp"
@@ -38,8 +41,9 @@ struct GrainKind {
 
 /// A contact with all that the reference law makes of it, for the ledger, probes and messages.
 struct ContactReport {
-  std::int32_t grain = 0;
+  std::int32_t grain = 0;       // of a pair that with the lower gid; either may be a ghost
   std::int32_t other = -1;      // the other grain, or -1
+  bool is_ours = true;          // false: a border contact that another rank counts, the owner of `grain`
   std::int32_t surface = -1;    // the surface, or -1
   bool is_mirror = false;       // the surface is a mirror
   double overlap = 0.0;         // [m]
@@ -53,15 +57,23 @@ struct ContactReport {
 
 class Contacts {
  public:
-  Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind);
+  Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind, const World& world);
 
-  /// Forgets where grains were near each other and looks again: sorts the grains, removes those that have left, finds pairs
-  /// and wall candidates, and carries over what contacts remember.
+  /// Where grains belong from the next rebuild on.
+  void set_subdomains(Subdomains subdomains) { subdomains_ = std::move(subdomains); }
+  const Subdomains& subdomains() const { return subdomains_; }
+
+  /// Forgets where grains were near each other and looks again: removes grains that have left, hands over those that belong to other
+  /// ranks, sorts the others, makes ghosts, finds pairs and wall candidates, and carries over what contacts remember. All ranks.
   void rebuild(Particles& particles, double skin, double time, int n_threads);
-  /// As rebuild, with the memory of a checkpoint; grains must be in order of gid.
+  /// As rebuild, with the memory of a checkpoint, by place; pairs must stand at both their grains where these may part. All ranks.
   void restore(Particles& particles, PairCarry pairs, WallCarry walls, double skin, double time, int n_threads);
 
-  /// Contact forces at the present positions, then kick and drift of all grains. `result.outside` and the rest are overwritten.
+  /// Makes the ghosts good for the present positions, for those who look at contacts between steps. All ranks.
+  void refresh(Particles& particles);
+
+  /// Contact forces at the present positions, then kick and drift of all grains. `result.outside` and the rest are overwritten. Ghosts
+  /// are refreshed meanwhile, where they are not.
   void advance(Particles& particles, const Kick& kick, double dt, int n_threads, StepResult& result);
 
   /// Velocities at the present positions: those of the grains, half a step late, after `half_kick` (whose drift is zero) with
@@ -74,8 +86,13 @@ class Contacts {
 
   /// Grain i has crossed periodic faces (see PairList::shift_images).
   void shift_images(std::int32_t i, const std::array<int, 3>& steps) { pairs_.shift_images(i, steps); }
-  /// Grain i has left: forgets its contacts and returns the energy that their springs held [J].
-  double clear_memory(std::int32_t i) { return pairs_.clear_memory(i) + wall_contacts_.clear_memory(i); }
+  /// Grain i has left: its contacts are forgotten, and the energy that their springs held counts as gone.
+  void clear_memory(const Particles& particles, std::int32_t i) {
+    pairs_.clear_memory(particles, i, energy_left_);
+    wall_contacts_.clear_memory(i, energy_left_);
+  }
+  /// Energy [J] that springs of departed grains have held since the start of this process; the sum over the ranks counts.
+  const ExactSum& energy_left() const { return energy_left_; }
 
   /// Calls f(ContactReport) for every touching contact at the present positions, in no particular order.
   template <typename Function>
@@ -88,13 +105,14 @@ class Contacts {
   template <typename Function>
   void for_each_wall_contact(const Particles& particles, double dt, Function f) const;
 
-  /// Calls f(a, b, image, memory) for every pair that remembers something, in no particular order.
+  /// Calls f(a, b, image, memory) for every pair that remembers something and whose grain of lower gid, a, this rank owns, in no
+  /// particular order: so once over all ranks.
   template <typename Function>
   void for_each_memory(const Particles& particles, Function f) const {
     if (!needs_.has_history) return;
     pairs_.for_each(particles.dummy(),
                     [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
-                      if (memory && memory->is_used()) f(a, b, image, *memory);
+                      if (memory && memory->is_used() && particles.is_owned(a)) f(a, b, image, *memory);
                     });
   }
   WallCarry wall_carry() const { return wall_contacts_.carry(); }
@@ -102,13 +120,19 @@ class Contacts {
   std::int64_t n_pairs() const { return pairs_.size(); }
   const PairList& pairs() const { return pairs_; }
   const Cells& cells() const { return cells_; }
-  std::size_t memory() const { return pairs_.memory() + wall_contacts_.memory() + cells_.memory(); }
+  const Ghosts& ghosts() const { return ghosts_; }
+  /// Grains that this rank has handed to others since the start.
+  std::uint64_t n_migrated() const { return n_migrated_; }
+  std::size_t memory() const {
+    return pairs_.memory() + wall_contacts_.memory() + cells_.memory() + ghosts_.memory();
+  }
   const LawChoice& choice() const { return choice_; }
   const SceneLaws& laws() const { return laws_; }
 
  private:
-  void build(Particles& particles, const PairCarry& pairs, const WallCarry& walls, double skin, double time,
-             int n_threads);
+  void build(Particles& particles, PairCarry& pairs, WallCarry& walls, std::span<const std::uint8_t> is_leaving,
+             double skin, double time, int n_threads);
+  void finish_refresh(Particles& particles);
   struct ThreadStep;
   void advance_thread(Particles& particles, const Kick& kick, double dt, int thread, ThreadStep& step);
   ReferenceContact pair_contact(const Particles& particles, std::int32_t a, std::int32_t b, std::uint8_t image,
@@ -127,9 +151,14 @@ class Contacts {
   const Walls* walls_;
   PairNeeds needs_;
   std::vector<Vec3> image_shift_;
+  World world_;
+  Subdomains subdomains_;
   Cells cells_;
+  Ghosts ghosts_;
   PairList pairs_;
   WallContacts wall_contacts_;
+  ExactSum energy_left_;
+  std::uint64_t n_migrated_ = 0;
 };
 
 template <typename Function>
@@ -144,6 +173,7 @@ void Contacts::for_each_pair_contact(const Particles& particles, double dt, Func
     ContactReport report;
     report.grain = a;
     report.other = b;
+    report.is_ours = particles.is_owned(a);
     report.overlap = contact.overlap;
     report.smaller_radius = std::min(particles.radius(a), particles.radius(b));
     report.normal = contact.normal;

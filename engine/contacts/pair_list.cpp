@@ -37,23 +37,26 @@ std::vector<std::uint8_t> near_own_images(const Cells& cells, std::span<const Ve
 
 }  // namespace
 
-PairMemory PairCarry::find(std::int32_t first, std::int32_t second, std::uint8_t image) const {
+PairMemory PairCarry::find(End first, End second, std::uint8_t image) const {
   if (items.empty()) return {};
-  for (const auto& [owner, other] : {std::pair{first, second}, std::pair{second, first}})
-    for (std::size_t k = begin[at(owner)]; k < begin[at(owner) + 1]; ++k) {
+  for (const auto& [at_grain, other] : {std::pair{first, second}, std::pair{second, first}}) {
+    if (at_grain.was_at < 0) continue;
+    const std::uint64_t wanted = key(other.gid, image);
+    for (std::size_t k = begin[at(at_grain.was_at)]; k < begin[at(at_grain.was_at) + 1]; ++k) {
       const Item& item = items[k];
-      if (item.other != other || item.image != image) continue;
-      return {{item.displacement[0], item.displacement[1], item.displacement[2]}, energy.empty() ? 0.0 : energy[k]};
+      if (item.other_and_image == wanted)
+        return {{item.displacement[0], item.displacement[1], item.displacement[2]}, energy.empty() ? 0.0 : energy[k]};
     }
+  }
   return {};
 }
 
-void PairList::build(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin,
-                     const PairNeeds& needs, std::span<const std::int32_t> was_at, const PairCarry& carry,
-                     int n_threads) {
+void PairList::build(const Particles& particles, const Cells& cells, std::span<const GhostCopy> ghosts,
+                     std::span<const Vec3> image_shift, double skin, const PairNeeds& needs,
+                     std::span<const std::int32_t> was_at, const PairCarry& carry, int n_threads) {
   const std::int32_t n = particles.size();
   const int n_active = std::max(1, std::min(n_threads, n / min_grains_per_thread));
-  search(particles, cells, needs.has_images ? image_shift : std::span<const Vec3>{}, skin, n_active);
+  search(particles, cells, ghosts, needs.has_images ? image_shift : std::span<const Vec3>{}, skin, n_active);
   cut(n, n_active);
   is_deferred_.assign(at(n), 0);
   cross_.assign(at(n_active), {});
@@ -70,8 +73,8 @@ void PairList::build(const Particles& particles, const Cells& cells, std::span<c
   parallel(n_active, [&](int thread) { index_entries(particles, needs, thread); });
 }
 
-void PairList::search(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin,
-                      int n_threads) {
+void PairList::search(const Particles& particles, const Cells& cells, std::span<const GhostCopy> ghosts,
+                      std::span<const Vec3> image_shift, double skin, int n_threads) {
   const std::int32_t n = particles.size();
   // Coordinates in arrays of their own for the filter, with room for a vector behind the last.
   const std::size_t row = at(n) + 8;
@@ -119,13 +122,33 @@ void PairList::search(const Particles& particles, const Cells& cells, std::span<
       }
       chunk.offsets[at(i - share.begin) + 1] = static_cast<std::uint32_t>(chunk.j.size());
     }
+    chunk.border.clear();
+    const Range ghost_share = share_of(static_cast<std::int64_t>(ghosts.size()), thread, n_threads);
+    for (std::int64_t g = ghost_share.begin; g < ghost_share.end; ++g) {
+      const GhostCopy& copy = ghosts[at(g)];
+      const double reach = particles.radius(copy.ghost) + skin;
+      const int n_runs = cells.runs_around(copy.position, runs);
+      for (int r = 0; r < n_runs; ++r) {
+        const Vec3 seen = runs[r].image ? copy.position + image_shift[runs[r].image] : copy.position;
+        if (found.size() < at(runs[r].grains.size())) found.resize(at(2 * runs[r].grains.size()));
+        const int n_found = filter(spheres, runs[r].grains, seen, reach, found.data());
+        // The run's image is that of the grains seen from the ghost.
+        const std::uint8_t code = image::inverse(image::sum(copy.image, runs[r].image));
+        for (int k = 0; k < n_found; ++k) chunk.border.push_back({found[at(k)], copy.ghost, code});
+      }
+    }
   });
 }
 
 void PairList::cut(std::int32_t n_grains, int n_threads) {
   threads_.resize(at(n_threads));
   std::int64_t total = std::int64_t{n_grains} * grain_work;
-  for (const RawChunk& chunk : raw_) total += static_cast<std::int64_t>(chunk.j.size());
+  std::vector<std::uint16_t> n_border;
+  for (const RawChunk& chunk : raw_) {
+    total += static_cast<std::int64_t>(chunk.j.size() + chunk.border.size());
+    if (!chunk.border.empty() && n_border.empty()) n_border.assign(at(n_grains), 0);
+    for (const BorderPair& pair : chunk.border) ++n_border[at(pair.i)];
+  }
   int thread = 0;
   std::int64_t work = 0;
   threads_[0].grain_begin = 0;
@@ -136,7 +159,7 @@ void PairList::cut(std::int32_t n_grains, int n_threads) {
         threads_[at(++thread)].grain_begin = i;
       }
       const std::size_t k = at(i - chunk.grain_begin);
-      work += grain_work + (chunk.offsets[k + 1] - chunk.offsets[k]);
+      work += grain_work + (chunk.offsets[k + 1] - chunk.offsets[k]) + (n_border.empty() ? 0 : n_border[at(i)]);
     }
   threads_[at(thread)].grain_end = n_grains;
   while (++thread < n_threads) threads_[at(thread)].grain_begin = threads_[at(thread)].grain_end = n_grains;
@@ -157,6 +180,9 @@ void PairList::mark_deferred(int thread) {
   for_each_raw(mine.grain_begin, mine.grain_end, [&](std::int32_t, std::int32_t j, std::uint8_t) {
     if (j >= mine.grain_end) std::atomic_ref(is_deferred_[at(j)]).store(1, std::memory_order_relaxed);
   });
+  for (std::size_t chunk = at(thread); chunk < raw_.size(); chunk += threads_.size())
+    for (const BorderPair& pair : raw_[chunk].border)
+      std::atomic_ref(is_deferred_[at(pair.i)]).store(1, std::memory_order_relaxed);
 }
 
 void PairList::lay_out(const Particles& particles, const PairNeeds& needs, std::span<const std::int32_t> was_at,
@@ -164,7 +190,13 @@ void PairList::lay_out(const Particles& particles, const PairNeeds& needs, std::
   ThreadPairs& mine = threads_[at(thread)];
   std::int64_t n_raw = 0;
   for_each_raw(mine.grain_begin, mine.grain_end, [&](std::int32_t, std::int32_t, std::uint8_t) { ++n_raw; });
-  const std::int64_t n_tiles = (mine.grain_end - mine.grain_begin + tile_size - 1) / tile_size;
+  std::vector<BorderPair> border;
+  for (const RawChunk& chunk : raw_)
+    for (const BorderPair& pair : chunk.border)
+      if (pair.i >= mine.grain_begin && pair.i < mine.grain_end) border.push_back(pair);
+  std::stable_sort(border.begin(), border.end(), [](const auto& x, const auto& y) { return x.i < y.i; });
+  n_raw += static_cast<std::int64_t>(border.size());
+  const std::int64_t n_tiles = (mine.grain_end - mine.grain_begin + tile_size - 1) / tile_size + 1;
   const std::size_t capacity = at(n_raw + n_tiles * 2 * pair_group);
   mine.n_pairs = n_raw;
   mine.a.resize_discarding(capacity);
@@ -189,7 +221,9 @@ void PairList::lay_out(const Particles& particles, const PairNeeds& needs, std::
     if (needs.has_species)
       mine.species[p] = needs.species_table[particles.material(i) * needs.n_materials + particles.material(j)];
     if (needs.has_history) {
-      const PairMemory memory = carry.find(was_at[at(i)], was_at[at(j)], stored);
+      const PairMemory memory =
+          carry.find({was_at[at(i)], particles.gid(i)},
+                     {particles.is_owned(j) ? was_at[at(j)] : -1, particles.gid(j)}, stored);
       std::memcpy(mine.history.data() + 4 * p, &memory, sizeof(PairMemory));
     }
   };
@@ -247,6 +281,18 @@ void PairList::lay_out(const Particles& particles, const PairNeeds& needs, std::
         (is_deferred_[at(i)] ? mine.deferred : mine.plain).push_back(i);
       tile.plain_end = static_cast<std::int64_t>(mine.plain.size());
     }
+    mine.tiles.push_back(tile);
+  }
+  mine.has_border = particles.n_ghosts() > 0;
+  if (mine.has_border) {
+    Tile tile;
+    tile.grain_begin = tile.grain_end = mine.grain_end;
+    tile.ring_begin = tile.kept_begin = k;
+    tile.kept_slot = n_kept;
+    for (const BorderPair& pair : border) put(pair.i, pair.ghost, pair.image);
+    fill_group();
+    tile.pair_end = k;
+    n_kept += static_cast<std::uint32_t>(k - tile.kept_begin);
     mine.tiles.push_back(tile);
   }
   kept_base_[at(thread) + 1] = n_kept;
@@ -331,31 +377,58 @@ void PairList::index_entries(const Particles& particles, const PairNeeds& needs,
   mine.ring.resize_discarding(capacity * static_cast<std::size_t>(needs.slot_size));
 }
 
-PairCarry PairList::carry(std::int32_t n_grains, bool has_energy, int n_threads) const {
+PairCarry PairList::carry(const Particles& particles, std::span<const std::uint8_t> is_leaving, bool has_energy,
+                          int n_threads) const {
   PairCarry carry;
   if (threads_.empty() || threads_[0].history.size() == 0) return carry;
-  carry.begin.assign(at(n_grains) + 1, 0);
-  // A pair's owner lies in the range of the thread that holds the pair.
+  carry.begin.assign(at(particles.size()) + 1, 0);
+  // The grain that comes first in memory lies in the range of the thread that holds the pair.
   const int n_active = std::min(n_threads, static_cast<int>(threads_.size()));
   const auto each_thread = [&](auto f) {
     parallel(n_active, [&](int thread) {
-      for (std::size_t t = at(thread); t < threads_.size(); t += at(n_active)) for_each_in(threads_[t], n_grains, f);
+      for (std::size_t t = at(thread); t < threads_.size(); t += at(n_active))
+        for_each_in(threads_[t], particles.dummy(),
+                    [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
+                      if (memory->is_used()) f(a, b, image, *memory);
+                    });
     });
   };
-  each_thread([&](std::int32_t a, std::int32_t b, std::uint8_t, const PairMemory* memory) {
-    if (memory->is_used()) ++carry.begin[at(std::min(a, b)) + 1];
+  // Pairs that stand at their second grain too: few, and in any thread's range.
+  struct Second {
+    std::int32_t grain;
+    PairCarry::Item item;
+    double energy;
+  };
+  std::vector<Second> seconds;
+  const auto item_of = [&](std::int32_t other, std::uint8_t image, const PairMemory& m) {
+    return PairCarry::Item{{m.displacement[0], m.displacement[1], m.displacement[2]},
+                           PairCarry::key(particles.gid(other), image)};
+  };
+  if (!is_leaving.empty())
+    for_each(particles.dummy(), [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
+      const std::int32_t first = std::min(a, b), second = std::max(a, b);
+      if (first == second || !memory->is_used() || !particles.is_owned(second)) return;
+      if (is_leaving[at(first)] || is_leaving[at(second)])
+        seconds.push_back({second, item_of(first, image, *memory), memory->energy});
+    });
+  each_thread([&](std::int32_t a, std::int32_t b, std::uint8_t, const PairMemory&) {
+    ++carry.begin[at(std::min(a, b)) + 1];
   });
-  for (std::size_t i = 0; i < at(n_grains); ++i) carry.begin[i + 1] += carry.begin[i];
+  for (const Second& second : seconds) ++carry.begin[at(second.grain) + 1];
+  for (std::size_t i = 0; i < at(particles.size()); ++i) carry.begin[i + 1] += carry.begin[i];
   carry.items.resize(carry.begin.back());
   if (has_energy) carry.energy.resize(carry.begin.back());
   std::vector<std::uint32_t> next(carry.begin.begin(), carry.begin.end() - 1);
-  each_thread([&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
-    if (!memory->is_used()) return;
+  each_thread([&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory& memory) {
     const std::uint32_t k = next[at(std::min(a, b))]++;
-    carry.items[k] = {
-        {memory->displacement[0], memory->displacement[1], memory->displacement[2]}, std::max(a, b), image};
-    if (has_energy) carry.energy[k] = memory->energy;
+    carry.items[k] = item_of(std::max(a, b), image, memory);
+    if (has_energy) carry.energy[k] = memory.energy;
   });
+  for (const Second& second : seconds) {
+    const std::uint32_t k = next[at(second.grain)]++;
+    carry.items[k] = second.item;
+    if (has_energy) carry.energy[k] = second.energy;
+  }
   return carry;
 }
 
@@ -412,20 +485,47 @@ void PairList::for_each_of(std::int32_t i, Function f) {
 void PairList::shift_images(std::int32_t i, const std::array<int, 3>& steps) {
   // Separation x_a - x_b + shift must stay: where x_i grows by a period, the shift of i as a falls by one, as b grows.
   for_each_of(i, [&](ThreadPairs& owner, std::int64_t k, bool is_b) {
-    const auto old = image::steps(owner.image[at(k)]);
-    const int sign = is_b ? 1 : -1;
-    owner.image[at(k)] = image::code(old[0] + sign * steps[0], old[1] + sign * steps[1], old[2] + sign * steps[2]);
+    owner.image[at(k)] = image::shifted(owner.image[at(k)], steps, is_b);
   });
 }
 
-double PairList::clear_memory(std::int32_t i) {
-  double energy = 0.0;
-  for_each_of(i, [&](ThreadPairs& owner, std::int64_t k, bool) {
+void PairList::clear_memory(const Particles& particles, std::int32_t i, ExactSum& energy) {
+  for_each_of(i, [&](ThreadPairs& owner, std::int64_t k, bool is_b) {
     if (owner.history.size() == 0) return;
-    energy += owner.history[4 * at(k) + 3];
+    if (!is_b || particles.is_owned(owner.a[at(k)])) energy.add(owner.history[4 * at(k) + 3]);
     std::fill_n(owner.history.data() + 4 * k, 4, 0.0);
   });
-  return energy;
+}
+
+void PairList::follow_ghosts(const Particles& particles, std::span<const GhostEvent> events, ExactSum& energy) {
+  if (events.empty()) return;
+  const auto event_of = [&](std::int32_t ghost) -> const GhostEvent* {
+    const auto found = std::lower_bound(events.begin(), events.end(), ghost,
+                                        [](const GhostEvent& event, std::int32_t g) { return event.ghost < g; });
+    return found != events.end() && found->ghost == ghost ? &*found : nullptr;
+  };
+  for (ThreadPairs& t : threads_) {
+    if (!t.has_border) continue;
+    for (std::int64_t k = t.tiles.back().ring_begin; k < t.tiles.back().pair_end; ++k) {
+      const std::int32_t a = t.a[at(k)], b = t.b[at(k)];
+      if (a == particles.dummy()) break;  // what fills up the group
+      const bool ghost_is_b = !particles.is_owned(b);
+      const GhostEvent* const event = event_of(ghost_is_b ? b : a);
+      if (!event) continue;
+      if (event->has_left && t.history.size() > 0) {
+        if (ghost_is_b) energy.add(t.history[4 * at(k) + 3]);
+        std::fill_n(t.history.data() + 4 * k, 4, 0.0);
+      }
+      if (event->steps != std::array<int, 3>{}) t.image[at(k)] = image::shifted(t.image[at(k)], event->steps, ghost_is_b);
+    }
+  }
+}
+
+std::uint32_t PairList::n_pairs_of(std::int32_t i) const {
+  for (const ThreadPairs& t : threads_)
+    if (i >= t.grain_begin && i < t.grain_end)
+      return t.offsets[at(i - t.grain_begin) + 1] - t.offsets[at(i - t.grain_begin)];
+  return 0;
 }
 
 }  // namespace moraine

@@ -5,8 +5,12 @@
 // are complete and are summed and advanced at once. A grain that also has pairs in an earlier thread's range is deferred: it
 // waits until all threads are through, and the slots of all its pairs are kept in an array of their own (as are the slots
 // of pairs across a periodic boundary of the slow axis, which would stay too long for a ring).
+//
+// With several ranks, a pair of a grain with a ghost is a border pair. Border pairs of a thread lie in a last tile without grains, which is
+// swept when the ghosts are fresh; their grains are deferred, so that everything else needs no ghosts.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -14,6 +18,7 @@
 #include "engine/contacts/cells.hpp"
 #include "engine/particles/aligned_array.hpp"
 #include "engine/particles/particles.hpp"
+#include "kernels/base/exact_sum.hpp"
 #include "kernels/base/range.hpp"
 #include "kernels/motion/motion.hpp"
 
@@ -48,24 +53,45 @@ struct ThreadPairs {
   AlignedArray<Entry> entries;
   AlignedArray<double> ring;
   std::uint32_t ring_mask = 0;
+  bool has_border = false;          // the last tile holds the border pairs
   std::vector<std::int32_t> plain;  // where tiles have deferred grains
   std::vector<std::int32_t> deferred;
   std::int64_t n_pairs = 0;  // without the dummies that fill groups up
 };
 
-/// What pairs remember across a rebuild: for each grain, by its place before the rebuild, the touching pairs that it owned.
+/// What pairs remember across a rebuild: for each grain, by its place before the rebuild, touching pairs. A pair of two grains of this
+/// rank stands at one of them at least.
 struct PairCarry {
   struct Item {
-    double displacement[3];  // as in PairMemory
-    std::int32_t other = 0;  // place before the rebuild
-    std::uint8_t image = 0;  // as stored: from the lower gid
+    double displacement[3];       // as in PairMemory
+    std::uint64_t other_and_image;  // gid of the other grain << 8 | image as stored: from the lower gid
   };
-  std::vector<std::uint32_t> begin;  // of each grain, and the end
+  static std::uint64_t key(std::uint64_t gid, std::uint8_t image) { return gid << 8 | image; }
+  std::vector<std::uint32_t> begin;  // of each grain, and the end; empty where nothing is remembered
   std::vector<Item> items;
   std::vector<double> energy;  // [J] of each item; only with the energy ledger
 
-  /// Memory of the pair of the grains that were at these places; zeros where they did not touch.
-  PairMemory find(std::int32_t first, std::int32_t second, std::uint8_t image) const;
+  /// One grain of a pair: its place before the rebuild (-1: a ghost) and its gid.
+  struct End {
+    std::int32_t was_at;
+    std::uint64_t gid;
+  };
+  /// Memory of the pair; zeros where they did not touch.
+  PairMemory find(End first, End second, std::uint8_t image) const;
+};
+
+/// A ghost as the cells of this rank's grains see it: itself, or one of its periodic images.
+struct GhostCopy {
+  std::int32_t ghost = 0;  // place in memory
+  std::uint8_t image = 0;  // position = that of the ghost + shift(image)
+  Vec3 position;           // [m]
+};
+
+/// A ghost that has moved on in the last step, as its pairs must know.
+struct GhostEvent {
+  std::int32_t ghost = 0;
+  std::array<int, 3> steps{};  // periods that it was brought back by
+  bool has_left = false;       // the scene
 };
 
 /// What the list must provide for the scene's kernels.
@@ -82,10 +108,13 @@ class PairList {
  public:
   /// Pairs of grains nearer than the sum of their radii plus skin. The grains must be sorted as in `cells`; `was_at` gives the
   /// place that each had before (to find its memory in `carry`).
-  void build(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin,
-             const PairNeeds& needs, std::span<const std::int32_t> was_at, const PairCarry& carry, int n_threads);
-  /// The memory of all touching pairs, by present places.
-  PairCarry carry(std::int32_t n_grains, bool has_energy, int n_threads) const;
+  void build(const Particles& particles, const Cells& cells, std::span<const GhostCopy> ghosts,
+             std::span<const Vec3> image_shift, double skin, const PairNeeds& needs,
+             std::span<const std::int32_t> was_at, const PairCarry& carry, int n_threads);
+  /// The memory of all touching pairs, by present places. `is_leaving` marks the grains that go to other ranks (empty: none): pairs of
+  /// these stand at both grains.
+  PairCarry carry(const Particles& particles, std::span<const std::uint8_t> is_leaving, bool has_energy,
+                  int n_threads) const;
   /// Gives back what a rebuild makes anew, so that old and new are never held at once. Only build() may follow.
   void forget();
 
@@ -98,8 +127,13 @@ class PairList {
 
   /// Grain i has crossed periodic faces: x(new) = x(old) + steps * period. Its pairs now see other images.
   void shift_images(std::int32_t i, const std::array<int, 3>& steps);
-  /// Grain i has left: its pairs remember nothing more. Returns the energy that their springs held [J].
-  double clear_memory(std::int32_t i);
+  /// Grain i has left: its pairs remember nothing more. Adds up the energy that their springs held [J]; of a border pair only
+  /// where i is of lower gid than the ghost, as the other rank counts it otherwise.
+  void clear_memory(const Particles& particles, std::int32_t i, ExactSum& energy);
+  /// The same two for ghosts, all at once.
+  void follow_ghosts(const Particles& particles, std::span<const GhostEvent> events, ExactSum& energy);
+  /// Pairs in which grain i of this rank is.
+  std::uint32_t n_pairs_of(std::int32_t i) const;
 
   /// Calls f(a, b, image, memory or nullptr) for every pair.
   template <typename Function>
@@ -118,8 +152,8 @@ class PairList {
           t.history.size() ? reinterpret_cast<const PairMemory*>(t.history.data() + 4 * k) : nullptr);
       }
   }
-  void search(const Particles& particles, const Cells& cells, std::span<const Vec3> image_shift, double skin,
-              int n_threads);
+  void search(const Particles& particles, const Cells& cells, std::span<const GhostCopy> ghosts,
+              std::span<const Vec3> image_shift, double skin, int n_threads);
   void cut(std::int32_t n_grains, int n_threads);
   void mark_deferred(int thread);
   void lay_out(const Particles& particles, const PairNeeds& needs, std::span<const std::int32_t> was_at,
@@ -130,11 +164,17 @@ class PairList {
   template <typename Function>
   void for_each_of(std::int32_t i, Function f);
 
+  /// A grain with a ghost, and the ghost's image seen from the grain.
+  struct BorderPair {
+    std::int32_t i, ghost;
+    std::uint8_t image;
+  };
   struct RawChunk {
     std::int32_t grain_begin = 0, grain_end = 0;
     std::vector<std::uint32_t> offsets;  // of each grain of the chunk, and the end
     std::vector<std::int32_t> j;
     std::vector<std::uint8_t> image;  // of j seen from i; empty without periodic directions
+    std::vector<BorderPair> border;   // of any grains
   };
   /// A pair whose second grain belongs to a later thread.
   struct CrossPair {

@@ -202,18 +202,16 @@ void WallContacts::remember(int thread, Range candidates) {
   }
 }
 
-double WallContacts::clear_memory(std::int32_t i) {
-  double energy = 0.0;
-  if (!has_history_) return energy;
+void WallContacts::clear_memory(std::int32_t i, ExactSum& energy) {
+  if (!has_history_) return;
   for (Share& share : shares_)
     for (std::size_t c = 0; c < share.list.size(); ++c) {
       if (share.list[c].grain != i) continue;
       for (std::int64_t slot = share.slot_begin[c]; slot < share.slot_begin[c + 1]; ++slot) {
-        energy += share.memory[at(slot)].memory.energy;
+        energy.add(share.memory[at(slot)].memory.energy);
         share.memory[at(slot)] = WallMemory{};
       }
     }
-  return energy;
 }
 
 WallCarry WallContacts::carry() const {

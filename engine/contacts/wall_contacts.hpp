@@ -71,8 +71,8 @@ class WallContacts {
   /// Stores what the touches remember after the sweep.
   void remember(int thread, Range candidates);
 
-  /// Grain i has left: its touches remember nothing more. Returns the energy that their springs held [J].
-  double clear_memory(std::int32_t i);
+  /// Grain i has left: its touches remember nothing more. Adds up the energy that their springs held [J].
+  void clear_memory(std::int32_t i, ExactSum& energy);
 
   /// Calls f(WallContact) for every touch at the present positions, in no particular order.
   template <typename Function>

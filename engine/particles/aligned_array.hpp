@@ -43,6 +43,16 @@ class AlignedArray {
     }
     size_ = n;
   }
+  /// Makes room for n values, of which the first ones are those that were there.
+  void resize_keeping(std::size_t n) {
+    if (n > capacity_) {
+      AlignedArray larger;
+      larger.resize_discarding(n);
+      if (size_ > 0) std::memcpy(larger.data_, data_, size_ * sizeof(T));
+      swap(larger);
+    }
+    size_ = n;
+  }
   /// Gives the memory back.
   void release() { AlignedArray().swap(*this); }
 

@@ -26,6 +26,7 @@ bool Particles::has(Field field) const {
 void Particles::resize(std::int32_t n) {
   const auto count = static_cast<std::size_t>(n);
   size_ = n;
+  n_ghosts_ = 0;
   records_.resize_discarding((count + 1) * static_cast<std::size_t>(stride_));
   gid_.resize_discarding(count);
   material_.resize_discarding(count);
@@ -39,7 +40,7 @@ void Particles::resize(std::int32_t n) {
 }
 
 void Particles::set_dummy() {
-  double* const r = record(size_);
+  double* const r = record(dummy());
   std::fill(r, r + stride_, 0.0);
   for (int k = 0; k < 3; ++k) r[k] = std::numeric_limits<double>::quiet_NaN();
   r[3] = 1.0;  // finite radius and mass keep the arithmetic of unused lanes free of exceptions
@@ -71,10 +72,9 @@ void Particles::set_real(Field field, std::int64_t i, int c, double value) {
 
 template <typename T>
 void Particles::gather(AlignedArray<T>& values, std::int64_t width, std::span<const std::int32_t> order,
-                       int n_threads) {
-  if (values.size() == 0) return;
+                       std::size_t n_rows, int n_threads) {
   AlignedArray<T> sorted;
-  sorted.resize_discarding((order.size() + 1) * static_cast<std::size_t>(width));
+  sorted.resize_discarding(n_rows * static_cast<std::size_t>(width));
   parallel(n_threads, [&](int thread) {
     const Range share = share_of(static_cast<std::int64_t>(order.size()), thread, n_threads);
     for (std::int64_t i = share.begin; i < share.end; ++i)
@@ -83,14 +83,32 @@ void Particles::gather(AlignedArray<T>& values, std::int64_t width, std::span<co
   values = std::move(sorted);
 }
 
-void Particles::reorder(std::span<const std::int32_t> order, int n_threads) {
-  gather(records_, stride_, order, n_threads);
-  gather(gid_, 1, order, n_threads);
-  gather(material_, 1, order, n_threads);
-  gather(dissipated_, 4, order, n_threads);
-  gather(force_, 3, order, n_threads);
-  gather(torque_, 3, order, n_threads);
-  size_ = static_cast<std::int32_t>(order.size());
+void Particles::reorder(std::span<const std::int32_t> order, int n_threads, std::int32_t n_more) {
+  const std::size_t n_old = order.size(), n = n_old + static_cast<std::size_t>(n_more);
+  const std::size_t with_ghosts = n + ghost_room_ + 1;
+  gather(records_, stride_, order, with_ghosts, n_threads);
+  gather(gid_, 1, order, with_ghosts, n_threads);
+  gather(material_, 1, order, with_ghosts, n_threads);
+  const auto gather_own = [&](AlignedArray<double>& values, bool is_needed, std::int64_t width) {
+    if (!is_needed) return;
+    gather(values, width, order, n, n_threads);
+    std::fill(values.begin() + n_old * static_cast<std::size_t>(width), values.end(), 0.0);
+  };
+  gather_own(dissipated_, needs_.energy, 4);
+  gather_own(force_, needs_.force, 3);
+  gather_own(torque_, needs_.torque, 3);
+  size_ = static_cast<std::int32_t>(n);
+  n_ghosts_ = 0;
+  set_dummy();
+}
+
+void Particles::set_ghosts(std::int32_t n) {
+  const auto total = static_cast<std::size_t>(size_ + n);
+  records_.resize_keeping((total + 1) * static_cast<std::size_t>(stride_));
+  gid_.resize_keeping(total + 1);
+  material_.resize_keeping(total + 1);
+  n_ghosts_ = n;
+  ghost_room_ = static_cast<std::size_t>(n + n / 16);
   set_dummy();
 }
 

@@ -1,4 +1,5 @@
-// The grains of a rank: storage by the field table.
+// The grains of a rank: storage by the field table. Those that it owns come first, then its ghosts: copies of grains that other
+// ranks own and that touch, or may soon touch, its own.
 #pragma once
 
 #include <cstdint>
@@ -26,14 +27,19 @@ class Particles {
 
   bool has(Field field) const;
   const FieldNeeds& needs() const { return needs_; }
+  /// Grains that this rank owns.
   std::int32_t size() const { return size_; }
-  /// Index of the dummy record behind the last grain: it lies nowhere and touches nothing.
-  std::int32_t dummy() const { return size_; }
+  std::int32_t n_ghosts() const { return n_ghosts_; }
+  bool is_owned(std::int32_t i) const { return i < size_; }
+  /// Index of the dummy record behind the last grain or ghost: it lies nowhere and touches nothing.
+  std::int32_t dummy() const { return size_ + n_ghosts_; }
   /// Doubles from one hot record to the next.
   std::int64_t stride() const { return stride_; }
 
-  /// Makes room for n grains; all values are lost.
+  /// Makes room for n grains; all values are lost, and there are no ghosts.
   void resize(std::int32_t n);
+  /// Makes room for n ghosts behind the grains, which stay. Ghosts have the fields that travel with them, not yet set.
+  void set_ghosts(std::int32_t n);
 
   double* records() { return records_.data(); }
   const double* records() const { return records_.data(); }
@@ -63,8 +69,9 @@ class Particles {
   void set_gid(std::int64_t i, std::uint64_t gid) { gid_[static_cast<std::size_t>(i)] = gid; }
   void set_material(std::int64_t i, std::uint16_t m) { material_[static_cast<std::size_t>(i)] = m; }
 
-  /// Puts grain order[i] at place i, for all fields; order may leave grains out.
-  void reorder(std::span<const std::int32_t> order, int n_threads);
+  /// Puts grain order[i] at place i, for all fields; order may leave grains out. Behind them comes room for n_more grains that are
+  /// not yet set. Ghosts are gone.
+  void reorder(std::span<const std::int32_t> order, int n_threads, std::int32_t n_more = 0);
 
   /// Bytes held.
   std::size_t memory() const;
@@ -73,12 +80,14 @@ class Particles {
   Vec3 vector(Field field, std::int64_t i) const;
   const AlignedArray<double>& own_array(Field field) const;
   template <typename T>
-  void gather(AlignedArray<T>& values, std::int64_t width, std::span<const std::int32_t> order, int n_threads);
+  void gather(AlignedArray<T>& values, std::int64_t width, std::span<const std::int32_t> order, std::size_t n_rows,
+              int n_threads);
   void set_dummy();
 
   FieldNeeds needs_;
   std::int64_t stride_;
-  std::int32_t size_ = 0;
+  std::int32_t size_ = 0, n_ghosts_ = 0;
+  std::size_t ghost_room_ = 0;  // ghosts to expect, so that they find room without a copy
   AlignedArray<double> records_;
   AlignedArray<std::uint64_t> gid_;
   AlignedArray<std::uint16_t> material_;

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <vector>
 
+#include "engine/scene/checks.hpp"
+
 namespace moraine {
 
 namespace {
@@ -133,6 +135,27 @@ std::string explain_outside(const GuardView& view, std::int32_t grain) {
                           "\"{}\" there, close "
                           "the walls, or make the domain larger",
                           grain_text(view, grain), face, face);
+}
+
+std::string explain_start_overlap(const GuardView& view, const ContactReport& contact) {
+  const Vec3 p = view.particles.position(contact.grain);
+  const std::string other = contact.other >= 0 ? fmt::format("grain {}", view.particles.gid(contact.other))
+                                               : other_text(view, contact, contact.grain);
+  return fmt::format(
+      "at the start grain {} at ({:.6g}, {:.6g}, {:.6g}) m overlaps {} by {:.3g} of the smaller radius; at most {} is "
+      "allowed: move the grains apart or away from the wall",
+      view.particles.gid(contact.grain), p.x, p.y, p.z, other, contact.overlap / contact.smaller_radius,
+      checks::max_start_overlap);
+}
+
+std::string explain_stale_list(const GuardView& view, double travelled, double skin) {
+  const std::int32_t fastest = fastest_grain(view.particles);
+  return head(view) + fmt::format(
+                          "a grain has moved {:.4g} m since the pair list was made, more than half its skin of {:.4g} m, "
+                          "before the ranks looked: it sped up all of a sudden{}; set run.skin = {:.4g} or wider",
+                          travelled, skin,
+                          fastest < 0 ? std::string() : " (the fastest is " + grain_text(view, fastest) + ")",
+                          4.0 * travelled);
 }
 
 }  // namespace moraine

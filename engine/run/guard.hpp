@@ -28,6 +28,10 @@ std::string explain_overlap(const GuardView& view);
 std::string explain_not_finite(const GuardView& view);
 /// The fastest grain moves so far in a step that contacts are missed.
 std::string explain_speed(const GuardView& view, std::int32_t grain);
+/// A contact at the start that is deeper than allowed.
+std::string explain_start_overlap(const GuardView& view, const ContactReport& contact);
+/// Some grain has moved by `travelled` [m] before the ranks looked, more than half the skin of the pair list [m].
+std::string explain_stale_list(const GuardView& view, double travelled, double skin);
 /// Grain outside the domain where there is no outlet.
 std::string explain_outside(const GuardView& view, std::int32_t grain);
 

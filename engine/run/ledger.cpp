@@ -1,12 +1,15 @@
 #include "engine/run/ledger.hpp"
 
-#include "kernels/base/exact_sum.hpp"
+#include <array>
+
+#include "engine/run/totals.hpp"
 
 namespace moraine {
 
-EnergyLedger take_ledger(const Particles& particles, const Contacts& contacts, const Contacts::Velocities& now,
-                         Vec3 gravity, double damping, double dt) {
-  ExactSum kinetic, rotational, potential, normal, tangential, lost_normal, lost_tangential, lost_friction, lost_drag;
+EnergyLedger take_ledger(const World& world, const Particles& particles, const Contacts& contacts,
+                         const Contacts::Velocities& now, Vec3 gravity, double damping, double dt) {
+  std::array<ExactSum, 9> sums;
+  auto& [kinetic, rotational, potential, normal, tangential, lost_normal, lost_tangential, lost_friction, lost_drag] = sums;
   const bool has_losses = particles.has(Field::dissipated);
   for (std::int32_t i = 0; i < particles.size(); ++i) {
     if (!particles.is_here(i)) continue;
@@ -24,6 +27,7 @@ EnergyLedger take_ledger(const Particles& particles, const Contacts& contacts, c
     lost_drag.add(0.5 * dt * damping * mass * squared_length(now.linear[k]));
   }
   contacts.for_each_contact(particles, dt, [&](const ContactReport& c) {
+    if (!c.is_ours) return;
     // half of what a grain and its mirror image store is in the scene
     const double share = c.is_mirror ? 0.5 : 1.0;
     normal.add(share * c.result.energy_normal);
@@ -34,6 +38,7 @@ EnergyLedger take_ledger(const Particles& particles, const Contacts& contacts, c
     lost_tangential.add(share * c.result.lost_tangential);
     lost_friction.add(share * c.result.lost_friction);
   });
+  total(world, sums);
   EnergyLedger ledger;
   ledger.kinetic = kinetic.value();
   ledger.rotational = rotational.value();

@@ -6,6 +6,7 @@
 // (measured: in proportion to it, for dense beds).
 #pragma once
 
+#include "comm/world.hpp"
 #include "engine/contacts/contacts.hpp"
 #include "engine/particles/particles.hpp"
 
@@ -30,8 +31,8 @@ struct EnergyLedger {
 };
 
 /// The energies at the present positions, given the velocities there; `initial` and `left` stay zero. `damping` is the bulk
-/// viscosity [1/s]. The same on every layout: all sums are exact.
-EnergyLedger take_ledger(const Particles& particles, const Contacts& contacts, const Contacts::Velocities& now,
+/// viscosity [1/s]. The same on every layout: all sums are exact. All ranks call it.
+EnergyLedger take_ledger(const World& world, const Particles& particles, const Contacts& contacts, const Contacts::Velocities& now,
                          Vec3 gravity, double damping, double dt);
 
 }  // namespace moraine

@@ -3,8 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
 
+#include "engine/run/totals.hpp"
 #include "kernels/base/exact_sum.hpp"
 #include "kernels/base/sphere.hpp"
 
@@ -33,16 +36,25 @@ int bin_of(const Probe& probe, const Box& extent, Vec3 p) {
   return static_cast<int>(std::floor((p[probe.axis] - low) / size * probe.bins));
 }
 
+std::vector<double> values_of(std::span<const ExactSum> sums) {
+  std::vector<double> values;
+  for (const ExactSum& sum : sums) values.push_back(sum.value());
+  return values;
+}
+
 std::vector<double> wall_force(const ProbeView& view, const Probe& probe) {
   const int wall = wall_index(view.scene, probe.wall);
-  ExactSum3 force, torque;
+  std::array<ExactSum, 6> sums;  // force, torque
   view.contacts.for_each_wall_contact(view.particles, view.dt, [&](const ContactReport& c) {
     if (view.walls.surfaces()[static_cast<std::size_t>(c.surface)].wall != wall) return;
-    force.add(-c.result.force);
-    torque.add(cross(c.point, -c.result.force));
+    const Vec3 force = -c.result.force, torque = cross(c.point, force);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      sums[axis].add(force[static_cast<int>(axis)]);
+      sums[axis + 3].add(torque[static_cast<int>(axis)]);
+    }
   });
-  const Vec3 f = force.value(), t = torque.value();
-  return {f.x, f.y, f.z, t.x, t.y, t.z};
+  total(view.world, sums);
+  return values_of(sums);
 }
 
 std::vector<double> wall_pressure(const ProbeView& view, const Probe& probe) {
@@ -54,69 +66,86 @@ std::vector<double> wall_pressure(const ProbeView& view, const Probe& probe) {
     const int bin = bin_of(probe, extent, c.point);
     if (bin >= 0 && bin < probe.bins) sums[static_cast<std::size_t>(bin)].add(dot(c.result.force, c.normal));
   });
+  total(view.world, sums);
   const double area = view.walls.area(wall, view.scene.domain.box()) / probe.bins;
-  std::vector<double> row;
-  for (const ExactSum& sum : sums) row.push_back(area > 0.0 ? sum.value() / area : 0.0);
+  std::vector<double> row = values_of(sums);
+  for (double& value : row) value = area > 0.0 ? value / area : 0.0;
   return row;
 }
 
+/// Sums over grains: number, volume, velocity, square of the velocity, contacts.
+enum GrainSum : std::size_t { number, volume, velocity_x, velocity_y, velocity_z, square, n_ends, n_grain_sums };
+
 std::vector<double> region(const ProbeView& view, const Probe& probe) {
   const Particles& p = view.particles;
-  ExactSum volume, squares;
-  ExactSum3 velocity;
-  double n = 0.0;
+  std::array<ExactSum, n_grain_sums> sums;
   std::vector<bool> is_in(static_cast<std::size_t>(p.size()), false);
   for (std::int32_t i = 0; i < p.size(); ++i) {
     if (!p.is_here(i) || !probe.region.contains(p.position(i))) continue;
     is_in[static_cast<std::size_t>(i)] = true;
-    n += 1.0;
-    volume.add(sphere_volume(p.radius(i)));
-    velocity.add(p.velocity(i));
-    squares.add(squared_length(p.velocity(i)));
+    const Vec3 v = p.velocity(i);
+    sums[number].add(1.0);
+    sums[volume].add(sphere_volume(p.radius(i)));
+    for (int axis = 0; axis < 3; ++axis) sums[velocity_x + static_cast<std::size_t>(axis)].add(v[axis]);
+    sums[square].add(squared_length(v));
   }
-  double n_ends = 0.0;
-  view.contacts.for_each_contact(view.particles, view.dt, [&](const ContactReport& c) {
-    if (is_in[static_cast<std::size_t>(c.grain)]) n_ends += 1.0;
-    if (c.other >= 0 && is_in[static_cast<std::size_t>(c.other)]) n_ends += 1.0;
+  // Each grain counts its own contacts, so a contact with a ghost counts for this rank's grain only.
+  const auto is_own_inside = [&](std::int32_t i) {
+    return i >= 0 && p.is_owned(i) && is_in[static_cast<std::size_t>(i)];
+  };
+  view.contacts.for_each_contact(p, view.dt, [&](const ContactReport& c) {
+    if (is_own_inside(c.grain)) sums[n_ends].add(1.0);
+    if (is_own_inside(c.other)) sums[n_ends].add(1.0);
   });
-  const double share = n > 0.0 ? 1.0 / n : 0.0;
-  const Vec3 mean = share * velocity.value();
-  const double temperature = std::max(0.0, share * squares.value() - squared_length(mean)) / 3.0;
-  return {n, volume.value() / probe.region.volume(), mean.x, mean.y, mean.z, temperature, n_ends * share};
+  total(view.world, sums);
+  const std::vector<double> value = values_of(sums);
+  const double n = value[number], share = n > 0.0 ? 1.0 / n : 0.0;
+  const Vec3 mean = share * Vec3{value[velocity_x], value[velocity_y], value[velocity_z]};
+  const double temperature = std::max(0.0, share * value[square] - squared_length(mean)) / 3.0;
+  return {n,      value[volume] / probe.region.volume(), mean.x, mean.y, mean.z, temperature,
+          value[n_ends] * share};
 }
 
 std::vector<double> profile(const ProbeView& view, const Probe& probe) {
   const Particles& p = view.particles;
   const auto bins = static_cast<std::size_t>(probe.bins);
-  std::vector<ExactSum> volume(bins);
-  std::vector<ExactSum3> velocity(bins);
-  std::vector<double> count(bins, 0.0);
+  constexpr std::size_t width = square;  // number, volume, velocity
+  std::vector<ExactSum> sums(bins * width);
   for (std::int32_t i = 0; i < p.size(); ++i) {
     if (!p.is_here(i) || !probe.region.contains(p.position(i))) continue;
     const auto bin =
         static_cast<std::size_t>(std::clamp(bin_of(probe, probe.region, p.position(i)), 0, probe.bins - 1));
-    volume[bin].add(sphere_volume(p.radius(i)));
-    velocity[bin].add(p.velocity(i));
-    count[bin] += 1.0;
+    ExactSum* const own = &sums[bin * width];
+    own[number].add(1.0);
+    own[volume].add(sphere_volume(p.radius(i)));
+    for (int axis = 0; axis < 3; ++axis)
+      own[velocity_x + static_cast<std::size_t>(axis)].add(p.velocity(i)[axis]);
   }
+  total(view.world, sums);
+  const std::vector<double> values = values_of(sums);
   std::vector<double> row;
   for (std::size_t bin = 0; bin < bins; ++bin) {
-    const Vec3 v = count[bin] > 0.0 ? velocity[bin].value() / count[bin] : Vec3{};
-    row.insert(row.end(), {volume[bin].value() * probe.bins / probe.region.volume(), v.x, v.y, v.z});
+    const double* const own = &values[bin * width];
+    const double n = own[number];
+    row.push_back(own[volume] * probe.bins / probe.region.volume());
+    for (std::size_t k = velocity_x; k <= velocity_z; ++k) row.push_back(n > 0.0 ? own[k] / n : 0.0);
   }
   return row;
 }
 
 std::vector<double> contacts(const ProbeView& view) {
-  ExactSum overlap;
+  std::array<ExactSum, 2> sums;  // number, overlap
   double deepest = 0.0;
-  double n = 0.0;
   view.contacts.for_each_contact(view.particles, view.dt, [&](const ContactReport& c) {
-    overlap.add(c.overlap / c.smaller_radius);
+    if (!c.is_ours) return;
+    sums[0].add(1.0);
+    sums[1].add(c.overlap / c.smaller_radius);
     deepest = std::max(deepest, c.overlap / c.smaller_radius);
-    n += 1.0;
   });
-  return {n, n > 0.0 ? overlap.value() / n : 0.0, deepest};
+  total(view.world, sums);
+  view.world.max(std::span(&deepest, 1));
+  const double n = sums[0].value();
+  return {n, n > 0.0 ? sums[1].value() / n : 0.0, deepest};
 }
 
 std::vector<double> mass(const ProbeView& view, std::vector<double>& last) {

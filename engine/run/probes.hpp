@@ -4,20 +4,17 @@
 #include <string>
 #include <vector>
 
+#include "comm/world.hpp"
+#include "engine/run/census.hpp"
 #include "engine/run/ledger.hpp"
 #include "engine/scene/scene.hpp"
 #include "engine/walls/walls.hpp"
 
 namespace moraine {
 
-/// Counts and masses [kg] of the grains ever born and of those that have left.
-struct Census {
-  double n_born = 0.0, n_left = 0.0;
-  double mass_born = 0.0, mass_left = 0.0;
-};
-
 /// What a probe may look at.
 struct ProbeView {
+  const World& world;
   const Scene& scene;
   const Walls& walls;
   const Particles& particles;
@@ -30,7 +27,7 @@ struct ProbeView {
 
 /// Column names with units, the time not among them.
 std::vector<std::string> probe_columns(const Scene& scene, const Probe& probe);
-/// Values of the columns. `last` is the probe's own memory from row to row (time and mass left), kept through restarts.
+/// Values of the columns, the same on all ranks, which call it together. `last` is the probe's own memory from row to row (time and mass left), kept through restarts.
 std::vector<double> probe_row(const ProbeView& view, const Probe& probe, std::vector<double>& last);
 
 }  // namespace moraine

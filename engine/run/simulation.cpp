@@ -1,6 +1,7 @@
 #include "engine/run/simulation.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <optional>
@@ -8,9 +9,13 @@
 #include "engine/contacts/contacts.hpp"
 #include "engine/particles/fill.hpp"
 #include "engine/particles/particles.hpp"
+#include "engine/run/census.hpp"
+#include "engine/run/decomposition.hpp"
 #include "engine/run/guard.hpp"
+#include "engine/run/image_rows.hpp"
 #include "engine/run/probes.hpp"
 #include "engine/run/state_hash.hpp"
+#include "engine/scene/checks.hpp"
 #include "engine/threads.hpp"
 #include "engine/walls/walls.hpp"
 
@@ -20,8 +25,6 @@ namespace {
 
 /// A grain that moves further than this part of its radius in a step misses contacts.
 constexpr double max_travel = 0.2;
-/// Grains or walls may overlap by this part of the smaller radius at the start.
-constexpr double max_start_overlap = 0.2;
 
 FieldNeeds needs_of(const Scene& scene) {
   FieldNeeds needs;
@@ -41,94 +44,33 @@ void check(const Scene& scene) {
   if (!problems.empty()) throw SceneError(std::move(problems));
 }
 
-GrainKind kind_of(const Particles& particles) {
-  GrainKind kind;
+/// Of the grains of all ranks, which call it together.
+GrainKind kind_of(const World& world, const Particles& particles) {
+  // Largest radius, inverse mass and material, then the largest of the negative ones, which gives the smallest.
+  std::array<double, 6> most;
+  most.fill(-infinity);
   for (std::int32_t i = 0; i < particles.size(); ++i) {
-    const double r = particles.radius(i), m = particles.inverse_mass(i);
-    if (i == 0) kind.inverse_mass = m;
-    kind.smallest_radius = std::min(kind.smallest_radius, r);
-    kind.largest_radius = std::max(kind.largest_radius, r);
-    kind.is_uniform = kind.is_uniform && m == kind.inverse_mass && r == particles.radius(0) &&
-                      particles.material(i) == particles.material(0);
-  }
-  return kind;
-}
-
-void put_image(const Image& image, Particles& particles) {
-  particles.resize(static_cast<std::int32_t>(image.n_grains));
-  for (const FieldInfo& row : field_table) {
-    if (!particles.has(row.field) || row.travel == Travel::never) continue;
-    const FieldArray* const array = image.find(row.field);
-    if (!array)
-      throw SceneError(
-          {{"", "the checkpoint holds no field \"" + std::string(row.name) + "\", which the scene needs", false}});
-    for (std::int32_t i = 0; i < particles.size(); ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      if (row.type == FieldType::gid)
-        particles.set_gid(i, array->gids[k]);
-      else if (row.type == FieldType::index)
-        particles.set_material(i, array->indices[k]);
-      else
-        for (int c = 0; c < row.components; ++c)
-          particles.set_real(row.field, i, c,
-                             array->reals[k * static_cast<std::size_t>(row.components) + static_cast<std::size_t>(c)]);
+    const std::array<double, 3> values = {particles.radius(i), particles.inverse_mass(i),
+                                          static_cast<double>(particles.material(i))};
+    for (std::size_t k = 0; k < 3; ++k) {
+      most[k] = std::max(most[k], values[k]);
+      most[k + 3] = std::max(most[k + 3], -values[k]);
     }
   }
+  world.max(most);
+  GrainKind kind;
+  if (most[0] < 0.0) return kind;  // there are no grains
+  kind.largest_radius = most[0];
+  kind.smallest_radius = -most[3];
+  kind.inverse_mass = most[1];
+  kind.is_uniform = most[0] == -most[3] && most[1] == -most[4] && most[2] == -most[5];
+  return kind;
 }
 
 /// Lists of start positions have done their work once the grains are born; they weigh as much as the grains.
 void forget_lists(Scene& scene) {
   for (ParticleGroup& group : scene.particles)
     if (auto* listed = std::get_if<ListedGrains>(&group.fill)) std::vector<GrainSeed>().swap(listed->grains);
-}
-
-/// Places of gids in the image's order.
-class PlaceOf {
- public:
-  explicit PlaceOf(const Particles& particles) : gids_(particles.gids(), particles.gids() + particles.size()) {}
-  std::int32_t operator()(std::uint64_t gid) const {
-    const auto found = std::lower_bound(gids_.begin(), gids_.end(), gid);
-    if (found == gids_.end() || *found != gid)
-      throw SceneError(
-          {{"", "the checkpoint remembers a contact of grain " + std::to_string(gid) + ", which it does not hold",
-            false}});
-    return static_cast<std::int32_t>(found - gids_.begin());
-  }
-
- private:
-  std::span<const std::uint64_t> gids_;
-};
-
-PairCarry carry_of(const std::vector<PairHistory>& pairs, const Particles& particles) {
-  const PlaceOf place(particles);
-  PairCarry carry;
-  carry.begin.assign(static_cast<std::size_t>(particles.size()) + 1, 0);
-  for (const PairHistory& pair : pairs) {  // in order of gid_low, which is the order of the places
-    ++carry.begin[static_cast<std::size_t>(place(pair.gid_low)) + 1];
-    carry.items.push_back({{pair.displacement[0], pair.displacement[1], pair.displacement[2]},
-                           place(pair.gid_high),
-                           static_cast<std::uint8_t>(pair.image)});
-    if (particles.has(Field::dissipated)) carry.energy.push_back(pair.energy);
-  }
-  for (std::size_t i = 1; i < carry.begin.size(); ++i) carry.begin[i] += carry.begin[i - 1];
-  return carry;
-}
-
-WallCarry carry_of(const std::vector<WallHistory>& walls, const Particles& particles) {
-  const PlaceOf place(particles);
-  WallCarry carry;
-  for (const WallHistory& wall : walls) {
-    WallCarry::Item item;
-    item.grain = place(wall.gid);
-    item.surface = static_cast<std::int32_t>(wall.surface);
-    std::copy_n(wall.displacement, 3, item.memory.memory.displacement);
-    item.memory.memory.energy = wall.energy;
-    item.memory.normal = {wall.normal[0], wall.normal[1], wall.normal[2]};
-    carry.items.push_back(item);
-  }
-  std::stable_sort(carry.items.begin(), carry.items.end(),
-                   [](const auto& x, const auto& y) { return x.grain < y.grain; });
-  return carry;
 }
 
 }  // namespace
@@ -150,8 +92,8 @@ struct Simulation::Parts {
 
   std::uint64_t step = 0;
   double dt = 0.0;
-  Census census;
-  double energy_left = 0.0;  // [J] carried out through outlets
+  CensusTaker census;  // of this rank
+  std::uint64_t n_born = 0, n_left = 0;  // of all ranks, when they last counted
   double energy_initial = 0.0;
   bool has_energy_initial = false;
   std::vector<std::vector<double>> probe_memory;
@@ -165,8 +107,12 @@ struct Simulation::Parts {
   std::uint64_t n_rebuilds = 0, steps_since_rebuild = 0;
   StepResult result;
 
+  // Several ranks: when they look next at how far all have come, and what they divide.
   World world;
+  std::uint64_t next_look = 0, last_look = 0;  // [steps]
   bool is_stop_wanted = false, is_stop_agreed = false;
+  std::uint64_t n_cuts = 0, rebuilds_since_cut = 0;
+  double worked_until_cut = 0.0;  // [s] of this rank
 
   Parts(const Scene& s, int threads, const World& ranks)
       : scene(s),
@@ -179,16 +125,25 @@ struct Simulation::Parts {
         world(ranks) {}
 
   double time() const { return static_cast<double>(step) * dt; }
+  double mean_diameter() const { return 10.0 * plan.skin; }  // [m] as the plan has it
+  double allowed_travel() const { return 0.5 * skin * (1.0 - 1e-9); }
   GuardView guard_view() const {
     return {scene, particles, *contacts, walls, time(), dt, step, plan.time_step.steps_per_contact};
   }
 
+  void bear_grains();
   void make_contacts();
   void choose_skin();
   double widest_skin() const;
   StepPlan decide();
+  bool look();
+  void check_travel();
   double largest_travel() const;
   void rebuild();
+  void balance();
+  double worked() const;
+  void cut(std::span<const float> weights);
+  void count();
   Kick kick_of(double h) const;
   void advance();
   void cross_faces();
@@ -200,17 +155,67 @@ struct Simulation::Parts {
   void remove(std::int32_t i);
   void check_start();
   void renew_list();
+  CensusTaker full_census() const;
   EnergyLedger energy();
-  FieldArray gather(const FieldInfo& row, const std::vector<std::int32_t>& order) const;
-  std::vector<std::int32_t> order_by_gid() const;
   Image image_head() const;
 };
 
 void Simulation::Parts::make_contacts() {
-  kind = kind_of(particles);
-  contacts.emplace(scene, walls, kind);
+  kind = kind_of(world, particles);
+  contacts.emplace(scene, walls, kind, world);
   skin = plan.skin;
   choose_skin();
+  if (!world.is_alone()) cut(std::vector<float>(static_cast<std::size_t>(particles.size()), 1.0f));
+}
+
+/// Divides space anew; grains move at the next rebuild. Weights of this rank's grains, in any unit that all ranks use.
+void Simulation::Parts::cut(std::span<const float> weights) {
+  std::vector<Vec3> positions;
+  std::vector<float> those_here;
+  for (std::int32_t i = 0; i < particles.size(); ++i)
+    if (particles.is_here(i)) {
+      positions.push_back(particles.position(i));
+      those_here.push_back(weights[static_cast<std::size_t>(i)]);
+    }
+  contacts->set_subdomains(decompose(world, world.size(), positions, those_here, scene, kind.largest_radius,
+                                     moraine::widest_skin(scene, mean_diameter())));
+  ++n_cuts;
+  rebuilds_since_cut = 0;
+  worked_until_cut = worked();
+}
+
+/// Time that this rank has spent on its grains, waiting left out [s].
+double Simulation::Parts::worked() const {
+  return stopwatch.seconds(Phase::advance) - contacts->ghosts().halo().waited();
+}
+
+/// Moves the cuts where the ranks' work has drifted apart: counted in pairs and grains, and each rank's count weighed by what it was
+/// measured to cost there.
+void Simulation::Parts::balance() {
+  constexpr std::uint64_t least_rebuilds = 8;
+  constexpr double tolerated = 1.1;
+  if (world.is_alone() || ++rebuilds_since_cut < least_rebuilds) return;
+  std::vector<float> weights(static_cast<std::size_t>(particles.size()));
+  double work = 0.0;
+  for (std::int32_t i = 0; i < particles.size(); ++i)
+    work += weights[static_cast<std::size_t>(i)] = 4.0f + static_cast<float>(contacts->pairs().n_pairs_of(i));
+  const std::vector<double> all_work = world.gather(work), all_seconds = world.gather(worked() - worked_until_cut);
+  const auto imbalance = [](const std::vector<double>& values) {
+    const double sum = std::accumulate(values.begin(), values.end(), 0.0);
+    const double most = *std::max_element(values.begin(), values.end());
+    return sum > 0.0 ? most * static_cast<double>(values.size()) / sum : 1.0;
+  };
+  if (imbalance(all_work) < tolerated && imbalance(all_seconds) < tolerated) {
+    rebuilds_since_cut = 0;  // look again after as many
+    return;
+  }
+  const double sum_work = std::accumulate(all_work.begin(), all_work.end(), 0.0);
+  const double sum_seconds = std::accumulate(all_seconds.begin(), all_seconds.end(), 0.0);
+  if (work > 0.0 && sum_seconds > 0.0) {
+    const double relative = (worked() - worked_until_cut) / work / (sum_seconds / sum_work);
+    for (float& weight : weights) weight *= static_cast<float>(std::clamp(relative, 0.7, 1.4));
+  }
+  cut(weights);
 }
 
 double Simulation::Parts::widest_skin() const {
@@ -226,12 +231,13 @@ double Simulation::Parts::widest_skin() const {
 /// N s/d = 4, which each rebuild moves towards.
 void Simulation::Parts::choose_skin() {
   if (scene.run.skin <= 0.0 && n_rebuilds > 1 && steps_since_rebuild > 0) {
-    const double diameter = 10.0 * plan.skin;
+    const double diameter = mean_diameter();
     const double wanted = std::sqrt(4.0 * diameter / (static_cast<double>(steps_since_rebuild) * skin));
-    skin = std::clamp(skin * std::clamp(wanted, 0.7, 1.4), 0.01 * diameter, 0.5 * diameter);
+    skin = std::clamp(skin * std::clamp(wanted, 0.7, 1.4), 0.01 * diameter,
+                      moraine::widest_skin(scene, diameter));
   }
   const double widest = widest_skin();
-  if (!(widest > 1e-6 * kind.largest_radius) && particles.size() > 0)
+  if (!(widest > 1e-6 * kind.largest_radius) && kind.largest_radius > 0.0)
     throw SceneError(
         {{"domain", "a periodic direction is not wider than the largest grain: no room to tell a grain from its image",
           false}});
@@ -255,19 +261,52 @@ double Simulation::Parts::largest_travel() const {
 StepPlan Simulation::Parts::decide() {
   StepPlan todo;
   todo.rebuild = is_list_old || time() >= next_wall_change;
-  // The bound adds up the fastest grain of every step; where it is used up, look how far the grains have really come.
-  const double allowed = 0.5 * skin * (1.0 - 1e-9);
-  if (!todo.rebuild && travelled > allowed) {
+  if (todo.rebuild) return todo;
+  if (!world.is_alone()) {
+    if (step >= next_look)
+      todo.rebuild = look();
+    else
+      check_travel();
+  } else if (travelled > allowed_travel()) {
+    // The bound adds up the fastest grain of every step; where it is used up, look how far the grains have really come.
     travelled = largest_travel();
-    todo.rebuild = travelled > 0.95 * allowed;
+    todo.rebuild = travelled > 0.95 * allowed_travel();
   }
   return todo;
+}
+
+/// All ranks look how far their grains have come since the rebuild, and agree: to rebuild now (true), or when to look again. Between looks
+/// they need not talk: at most seven tenths of what is left are used up if the grains become a quarter faster than they are and
+/// fall freely besides; and nobody looks more than twice as far ahead as it has seen.
+bool Simulation::Parts::look() {
+  travelled = largest_travel();
+  std::array<double, 3> most = {travelled, result.max_speed, is_stop_wanted ? 1.0 : 0.0};
+  world.max(most);
+  is_stop_agreed = most[2] > 0.0;
+  const double left = allowed_travel() - most[0];
+  const double a_step = (1.25 * most[1] + length(scene.time.gravity) * dt) * dt;
+  constexpr double furthest = 64.0;
+  const double n = std::min({furthest, 2.0 * static_cast<double>(step - last_look) + 1.0,
+                             a_step > 0.0 ? std::floor(0.7 * left / a_step) : furthest});
+  last_look = step;
+  if (most[0] > 0.95 * allowed_travel() || n < 1.0) return true;
+  next_look = step + static_cast<std::uint64_t>(n);
+  return false;
+}
+
+/// Between looks, a rank whose grains have come too far all the same must not go on.
+void Simulation::Parts::check_travel() {
+  if (travelled <= allowed_travel()) return;
+  travelled = largest_travel();
+  if (travelled <= allowed_travel()) return;
+  throw RunError(explain_stale_list(guard_view(), travelled, skin));
 }
 
 void Simulation::Parts::rebuild() {
   stopwatch.start(Phase::rebuild);
   ++n_rebuilds;
   choose_skin();
+  balance();
   place_at_rebuild = {};
   contacts->rebuild(particles, skin, time(), n_threads);
   after_rebuild();
@@ -284,6 +323,17 @@ void Simulation::Parts::after_rebuild() {
     for (std::int64_t i = share.begin; i < share.end; ++i)
       place_at_rebuild[static_cast<std::size_t>(i)] = particles.position(i);
   });
+  if (world.is_alone()) return;
+  if (look()) next_look = step + 1;  // they are that fast
+  count();
+}
+
+/// How many grains there are by now, on all ranks.
+void Simulation::Parts::count() {
+  std::array<std::uint64_t, 2> counts = {census.n_born, census.n_left};
+  world.sum(counts);
+  n_born = counts[0];
+  n_left = counts[1];
 }
 
 /// A kick over h [s].
@@ -326,15 +376,17 @@ bool Simulation::Parts::leaves_through_outlet(Vec3 position) const {
 
 void Simulation::Parts::remove(std::int32_t i) {
   const double mass = 1.0 / particles.inverse_mass(i);
-  census.n_left += 1.0;
-  census.mass_left += mass;
-  energy_left += contacts->clear_memory(i);
+  ++census.n_left;
+  if (world.is_alone()) n_left = census.n_left;
+  census.mass_left.add(mass);
+  contacts->clear_memory(particles, i);
   if (scene.output.energy) {
-    energy_left +=
-        0.5 * mass * squared_length(particles.velocity(i)) - mass * dot(scene.time.gravity, particles.position(i));
+    census.energy_left.add(0.5 * mass * squared_length(particles.velocity(i)) -
+                           mass * dot(scene.time.gravity, particles.position(i)));
     if (scene.contact.rotation)
-      energy_left += 0.5 / particles.inverse_inertia(i) * squared_length(particles.angular_velocity(i));
-    for (int k = 0; k < 4; ++k) energy_left += particles.dissipated()[4 * static_cast<std::ptrdiff_t>(i) + k];
+      census.energy_left.add(0.5 / particles.inverse_inertia(i) * squared_length(particles.angular_velocity(i)));
+    for (int k = 0; k < 4; ++k)
+      census.energy_left.add(particles.dissipated()[4 * static_cast<std::ptrdiff_t>(i) + k]);
   }
   for (int c = 0; c < 3; ++c) {
     particles.set_real(Field::position, i, c, std::numeric_limits<double>::quiet_NaN());
@@ -397,38 +449,34 @@ void Simulation::Parts::tick() {
 }
 
 void Simulation::Parts::check_start() {
-  std::vector<Problem> problems;
-  std::int64_t n_deep = 0;
-  std::uint64_t first = ~std::uint64_t{0};
+  std::string worst;
+  std::uint64_t n_deep = 0, first = ~std::uint64_t{0};
   contacts->for_each_contact(particles, dt, [&](const ContactReport& c) {
-    if (!(c.overlap > max_start_overlap * c.smaller_radius)) return;
+    if (!c.is_ours || !(c.overlap > checks::max_start_overlap * c.smaller_radius)) return;
     ++n_deep;
     if (particles.gid(c.grain) >= first) return;
     first = particles.gid(c.grain);
-    const Vec3 p = particles.position(c.grain);
-    const std::string other =
-        c.other >= 0
-            ? "grain " + std::to_string(particles.gid(c.other))
-            : "wall \"" +
-                  scene.walls[static_cast<std::size_t>(walls.surfaces()[static_cast<std::size_t>(c.surface)].wall)]
-                      .name +
-                  "\"";
-    char where[160];
-    std::snprintf(where, sizeof(where), "at (%.6g, %.6g, %.6g) m overlaps %s by %.3g of the smaller radius", p.x, p.y,
-                  p.z, other.c_str(), c.overlap / c.smaller_radius);
-    problems = {{"particles",
-                 "at the start grain " + std::to_string(particles.gid(c.grain)) + " " + where +
-                     "; at most 0.2 is allowed: move the grains apart or away from the wall",
-                 false}};
+    worst = explain_start_overlap(guard_view(), c);
   });
+  world.sum(std::span(&n_deep, 1));
   if (n_deep == 0) return;
-  if (n_deep > 1) problems[0].message += " (" + std::to_string(n_deep) + " such contacts)";
-  throw SceneError(std::move(problems));
+  const std::vector<std::uint64_t> firsts = world.gather(first);
+  world.broadcast(worst, static_cast<int>(std::min_element(firsts.begin(), firsts.end()) - firsts.begin()));
+  if (n_deep > 1) worst += " (" + std::to_string(n_deep) + " such contacts)";
+  throw SceneError({{"particles", worst, false}});
 }
 
-/// Makes the list good for the present positions, for those who look at contacts between steps.
+/// Makes list and ghosts good for the present positions, for those who look at contacts between steps.
 void Simulation::Parts::renew_list() {
   if (decide().rebuild) rebuild();
+  contacts->refresh(particles);
+}
+
+/// What all ranks have counted, with the energy that springs took along.
+CensusTaker Simulation::Parts::full_census() const {
+  CensusTaker own = census;
+  own.energy_left.add(contacts->energy_left());
+  return own.total(world);
 }
 
 EnergyLedger Simulation::Parts::energy() {
@@ -440,8 +488,8 @@ EnergyLedger Simulation::Parts::energy() {
   half_kick.gain = h / (1.0 + c * h);
   half_kick.drift = 0.0;
   const Contacts::Velocities now = contacts->velocities_now(particles, half_kick, dt, n_threads);
-  EnergyLedger ledger = take_ledger(particles, *contacts, now, scene.time.gravity, c, 2.0 * h);
-  ledger.left = energy_left;
+  EnergyLedger ledger = take_ledger(world, particles, *contacts, now, scene.time.gravity, c, 2.0 * h);
+  ledger.left = full_census().energy_left.value();
   if (!has_energy_initial) {
     energy_initial = ledger.total();
     has_energy_initial = true;
@@ -450,35 +498,20 @@ EnergyLedger Simulation::Parts::energy() {
   return ledger;
 }
 
-std::vector<std::int32_t> Simulation::Parts::order_by_gid() const {
-  std::vector<std::int32_t> order;
-  order.reserve(static_cast<std::size_t>(particles.size()));
-  for (std::int32_t i = 0; i < particles.size(); ++i)
-    if (particles.is_here(i)) order.push_back(i);
-  std::sort(order.begin(), order.end(),
-            [&](std::int32_t x, std::int32_t y) { return particles.gid(x) < particles.gid(y); });
-  return order;
-}
-
-FieldArray Simulation::Parts::gather(const FieldInfo& row, const std::vector<std::int32_t>& order) const {
-  FieldArray array;
-  array.field = row.field;
-  const std::size_t n = order.size() * static_cast<std::size_t>(row.components);
-  if (row.type == FieldType::gid)
-    array.gids.reserve(n);
-  else if (row.type == FieldType::index)
-    array.indices.reserve(n);
-  else
-    array.reals.reserve(n);
-  for (const std::int32_t i : order) {
-    if (row.type == FieldType::gid)
-      array.gids.push_back(particles.gid(i));
-    else if (row.type == FieldType::index)
-      array.indices.push_back(particles.material(i));
-    else
-      for (int c = 0; c < row.components; ++c) array.reals.push_back(particles.real(row.field, i, c));
+/// All grains are born at the first rank; the first rebuild hands them over to those that they belong to.
+void Simulation::Parts::bear_grains() {
+  std::string problem;
+  try {
+    if (world.is_root()) put_grains(scene, make_grains(scene, n_threads), particles);
+  } catch (const SceneError& error) {
+    if (world.is_alone()) throw;
+    problem = error.what();
   }
-  return array;
+  world.broadcast(problem);
+  if (!problem.empty()) throw SceneError({{"", problem, false}});
+  census.n_born = static_cast<std::uint64_t>(particles.size());
+  for (std::int32_t i = 0; i < particles.size(); ++i) census.mass_born.add(1.0 / particles.inverse_mass(i));
+  count();
 }
 
 Image Simulation::Parts::image_head() const {
@@ -495,9 +528,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const World& world) {
   check(scene);
   parts_ = std::make_unique<Parts>(scene, n_threads, world);
   Parts& p = *parts_;
-  put_grains(scene, make_grains(scene, n_threads), p.particles);
-  p.census.n_born = p.particles.size();
-  for (std::int32_t i = 0; i < p.particles.size(); ++i) p.census.mass_born += 1.0 / p.particles.inverse_mass(i);
+  p.bear_grains();
   p.make_contacts();
   forget_lists(p.scene);
   p.rebuild();
@@ -517,26 +548,23 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
                        false}});
   if (!(image.domain == scene.domain.box()) || image.periodic != scene.domain.periodic)
     throw SceneError({{"domain", "is not the one that the checkpoint was written with", false}});
-  put_image(image, p.particles);
-  p.step = image.step;
-  const auto number = [&](const char* name) {
-    const auto found = image.accumulators.find(name);
-    if (found == image.accumulators.end() || found->second.size() != 1)
-      throw SceneError({{"", "the checkpoint holds no \"" + std::string(name) + "\"", false}});
-    return found->second[0];
-  };
-  p.census = {number("born"), number("left"), number("mass_born"), number("mass_left")};
-  p.energy_left = number("energy_left");
-  p.energy_initial = number("energy_initial");
+  p.step = p.last_look = image.step;
+  const CensusTaker census = CensusTaker::from(image.accumulators);
+  if (world.is_root()) p.census = census;  // once over all ranks
+  p.n_born = census.n_born;
+  p.n_left = census.n_left;
+  p.energy_initial = kept_number(image.accumulators, "energy_initial");
   p.has_energy_initial = scene.output.energy;
   for (std::size_t k = 0; k < p.probe_memory.size(); ++k)
     if (const auto found = image.accumulators.find("probe_" + scene.output.probes[k].name);
         found != image.accumulators.end())
       p.probe_memory[k] = found->second;
+  PairCarry pairs;
+  WallCarry wall_memory;
+  put_rows(world, image, p.particles, pairs, wall_memory);
   p.make_contacts();
   forget_lists(p.scene);
-  p.contacts->restore(p.particles, carry_of(image.pairs, p.particles), carry_of(image.walls, p.particles), p.skin,
-                      p.time(), n_threads);
+  p.contacts->restore(p.particles, std::move(pairs), std::move(wall_memory), p.skin, p.time(), n_threads);
   p.after_rebuild();
   p.stopwatch.start(Phase::observe);
 }
@@ -566,8 +594,8 @@ const Plan& Simulation::plan() const { return parts_->plan; }
 std::uint64_t Simulation::step_number() const { return parts_->step; }
 double Simulation::time() const { return parts_->time(); }
 double Simulation::time_step() const { return parts_->dt; }
-std::uint64_t Simulation::n_born() const { return static_cast<std::uint64_t>(parts_->census.n_born); }
-std::uint64_t Simulation::n_left() const { return static_cast<std::uint64_t>(parts_->census.n_left); }
+std::uint64_t Simulation::n_born() const { return parts_->n_born; }
+std::uint64_t Simulation::n_left() const { return parts_->n_left; }
 std::uint64_t Simulation::n_grains() const { return n_born() - n_left(); }
 std::uint64_t Simulation::n_rebuilds() const { return parts_->n_rebuilds; }
 double Simulation::memory() const {
@@ -575,72 +603,66 @@ double Simulation::memory() const {
   return static_cast<double>(p.particles.memory() + p.contacts->memory() +
                              p.place_at_rebuild.capacity() * sizeof(Vec3));
 }
-std::vector<PhaseTime> Simulation::phases() const { return parts_->stopwatch.table(); }
+std::vector<PhaseTime> Simulation::phases() const {
+  std::vector<PhaseTime> rows = parts_->stopwatch.table();
+  if (parts_->world.is_alone()) return rows;
+  const double waited = parts_->contacts->ghosts().halo().waited();
+  const auto advance = rows.begin() + static_cast<std::ptrdiff_t>(Phase::advance);
+  advance->seconds -= waited;
+  rows.insert(advance + 1, {"waiting for ghosts", waited});
+  return rows;
+}
+
+HaloCounts Simulation::halo_counts() const { return parts_->contacts->ghosts().counts(); }
+std::uint64_t Simulation::n_migrated() const { return parts_->contacts->n_migrated(); }
+std::uint64_t Simulation::n_cuts() const { return parts_->n_cuts; }
+std::uint64_t Simulation::n_own_grains() const { return static_cast<std::uint64_t>(parts_->particles.size()); }
+
 Hash128 Simulation::state_hash() const {
-  return moraine::state_hash(parts_->particles, *parts_->contacts, parts_->step);
+  parts_->contacts->refresh(parts_->particles);  // so that ghosts' contacts know who has left or crossed a face
+  return moraine::state_hash(parts_->world, parts_->particles, *parts_->contacts, parts_->step);
 }
 
 Image Simulation::snapshot(const std::vector<std::string>& fields) const {
-  const Parts& p = *parts_;
+  Parts& p = *parts_;
   Image image = p.image_head();
-  const std::vector<std::int32_t> order = p.order_by_gid();
-  image.n_grains = order.size();
+  std::vector<Field> wanted;
   for (const FieldInfo& row : field_table) {
     const bool is_asked = fields.empty()
                               ? row.travel != Travel::never || p.particles.has(row.field)
                               : row.field == Field::gid || row.field == Field::position || row.field == Field::radius ||
                                     std::find(fields.begin(), fields.end(), row.name) != fields.end();
-    if (is_asked && p.particles.has(row.field)) image.fields.push_back(p.gather(row, order));
+    if (is_asked && p.particles.has(row.field)) wanted.push_back(row.field);
   }
+  gather_fields(p.particles, wanted, image);
+  p.count();
+  share_out_rows(p.world, p.n_born, image);
   image.hash = state_hash();
   return image;
 }
 
 Image Simulation::checkpoint() const {
-  const Parts& p = *parts_;
+  Parts& p = *parts_;
   Image image = p.image_head();
-  const std::vector<std::int32_t> order = p.order_by_gid();
-  image.n_grains = order.size();
+  image.hash = state_hash();
+  std::vector<Field> wanted;
   for (const FieldInfo& row : field_table)
-    if (row.travel != Travel::never && p.particles.has(row.field)) image.fields.push_back(p.gather(row, order));
-  std::size_t n_pairs = 0;
-  p.contacts->for_each_memory(p.particles, [&](auto&&...) { ++n_pairs; });
-  image.pairs.reserve(n_pairs);
-  p.contacts->for_each_memory(p.particles, [&](std::int32_t a, std::int32_t b, std::uint8_t code, const PairMemory& m) {
-    image.pairs.push_back({p.particles.gid(a),
-                           p.particles.gid(b),
-                           code,
-                           {m.displacement[0], m.displacement[1], m.displacement[2]},
-                           m.energy});
-  });
-  std::sort(image.pairs.begin(), image.pairs.end(), [](const PairHistory& x, const PairHistory& y) {
-    return std::tuple(x.gid_low, x.gid_high, x.image) < std::tuple(y.gid_low, y.gid_high, y.image);
-  });
-  for (const WallCarry::Item& item : p.contacts->wall_carry().items) {
-    const PairMemory& m = item.memory.memory;
-    const Vec3 n = item.memory.normal;
-    image.walls.push_back({p.particles.gid(item.grain),
-                           static_cast<std::uint64_t>(item.surface),
-                           {n.x, n.y, n.z},
-                           {m.displacement[0], m.displacement[1], m.displacement[2]},
-                           m.energy});
-  }
-  std::sort(image.walls.begin(), image.walls.end(), [](const WallHistory& x, const WallHistory& y) {
-    return std::tuple(x.gid, x.surface, x.normal[0], x.normal[1], x.normal[2]) <
-           std::tuple(y.gid, y.surface, y.normal[0], y.normal[1], y.normal[2]);
-  });
-  image.accumulators = {{"born", {p.census.n_born}},         {"left", {p.census.n_left}},
-                        {"mass_born", {p.census.mass_born}}, {"mass_left", {p.census.mass_left}},
-                        {"energy_left", {p.energy_left}},    {"energy_initial", {p.energy_initial}}};
+    if (row.travel != Travel::never && p.particles.has(row.field)) wanted.push_back(row.field);
+  gather_fields(p.particles, wanted, image);
+  gather_memory(p.particles, *p.contacts, image);
+  p.count();
+  share_out_rows(p.world, p.n_born, image);
+  p.full_census().keep(image.accumulators);
+  image.accumulators["energy_initial"] = {p.energy_initial};
   for (std::size_t k = 0; k < p.probe_memory.size(); ++k)
     if (!p.probe_memory[k].empty()) image.accumulators["probe_" + p.scene.output.probes[k].name] = p.probe_memory[k];
-  image.hash = state_hash();
   return image;
 }
 
 EnergyLedger Simulation::energy() const {
   if (!parts_->scene.output.energy)
     throw std::logic_error("the scene keeps no energy ledger: set output.energy = true");
+  parts_->count();
   return parts_->energy();
 }
 
@@ -654,8 +676,9 @@ std::vector<double> Simulation::probe_row(std::size_t probe) {
   p.renew_list();
   std::optional<EnergyLedger> ledger;
   if (p.scene.output.energy && wanted.kind == Probe::Kind::energy) ledger = p.energy();
-  const ProbeView view{p.scene,  p.walls, p.particles, *p.contacts, p.dt, ledger ? &*ledger : nullptr,
-                       p.census, p.time()};
+  const CensusTaker all = p.full_census();
+  const ProbeView view{p.world, p.scene, p.walls, p.particles, *p.contacts, p.dt, ledger ? &*ledger : nullptr,
+                       all.census(), p.time()};
   return moraine::probe_row(view, wanted, p.probe_memory[probe]);
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "comm/world.hpp"
+#include "engine/contacts/ghosts.hpp"
 #include "engine/run/image.hpp"
 #include "engine/run/ledger.hpp"
 #include "engine/run/plan.hpp"
@@ -27,7 +28,7 @@ class Simulation {
   /// share the grains; all of them make the same calls in the same order. What is marked "all ranks" below must be
   /// called by all at the same step, and gives the same on each, but for images, of which each rank holds its rows.
   Simulation(const Scene& scene, int n_threads, const World& world = {});
-  /// Goes on from an image of the same scene; each rank gives any part of its rows, as long as all rows are given once.
+  /// Goes on from an image of the same scene. Each rank gives consecutive rows of each table, in order of rank; any numbers, also none.
   Simulation(const Scene& scene, int n_threads, const Image& image, const World& world = {});
   ~Simulation();
   Simulation(Simulation&&) noexcept;
@@ -63,6 +64,11 @@ class Simulation {
   Hash128 state_hash() const;
   /// Throws std::logic_error unless the scene keeps the ledger (Output::energy). All ranks.
   EnergyLedger energy() const;
+  /// What this rank exchanges with others in a step, since the last rebuild.
+  HaloCounts halo_counts() const;
+  std::uint64_t n_own_grains() const;  // of this rank
+  std::uint64_t n_migrated() const;    // grains that this rank has given to others
+  std::uint64_t n_cuts() const;        // how often space has been divided
   /// Where the time of this rank went since the start.
   std::vector<PhaseTime> phases() const;
 

@@ -3,6 +3,7 @@
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
+#include <array>
 #include <cstring>
 #include <vector>
 
@@ -17,6 +18,14 @@ class Sum {
   void add(const std::vector<std::uint64_t>& words) {
     const XXH128_hash_t h = XXH3_128bits(words.data(), words.size() * sizeof(std::uint64_t));
     total_ += static_cast<Wide>(h.high64) << 64 | h.low64;
+  }
+  /// Adds up what the ranks have, in quarters, so that carries survive the sum over up to 2^32 ranks.
+  void total(const World& world) {
+    std::array<std::uint64_t, 4> quarters;
+    for (int k = 0; k < 4; ++k) quarters[static_cast<std::size_t>(k)] = static_cast<std::uint32_t>(total_ >> (32 * k));
+    world.sum(quarters);
+    total_ = 0;
+    for (int k = 3; k >= 0; --k) total_ = (total_ << 32) + quarters[static_cast<std::size_t>(k)];
   }
   Hash128 value() const { return {static_cast<std::uint64_t>(total_ >> 64), static_cast<std::uint64_t>(total_)}; }
 
@@ -34,13 +43,15 @@ enum class Kind : std::uint64_t { run = 1, grain = 2, pair = 3, wall = 4 };
 
 }  // namespace
 
-Hash128 state_hash(const Particles& particles, const Contacts& contacts, std::uint64_t step) {
+Hash128 state_hash(const World& world, const Particles& particles, const Contacts& contacts, std::uint64_t step) {
   Sum sum;
   std::vector<std::uint64_t> words;
   const auto start = [&](Kind kind) { words.assign(1, static_cast<std::uint64_t>(kind)); };
-  start(Kind::run);
-  words.push_back(step);
-  sum.add(words);
+  if (world.is_root()) {
+    start(Kind::run);
+    words.push_back(step);
+    sum.add(words);
+  }
   for (std::int32_t i = 0; i < particles.size(); ++i) {
     if (!particles.is_here(i)) continue;
     start(Kind::grain);
@@ -70,6 +81,7 @@ Hash128 state_hash(const Particles& particles, const Contacts& contacts, std::ui
                   word(m.displacement[0]), word(m.displacement[1]), word(m.displacement[2])});
     sum.add(words);
   }
+  sum.total(world);
   return sum.value();
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "comm/world.hpp"
 #include "engine/contacts/contacts.hpp"
 #include "engine/particles/particles.hpp"
 #include "engine/run/image.hpp"
@@ -11,7 +12,7 @@ namespace moraine {
 
 /// Hash of the mechanical state: step, all grains (fields that travel, but for what was dissipated), and what contacts remember.
 /// Each grain and contact is hashed by itself, keyed by gid (XXH3, 128 bits), and the hashes are added, so that neither
-/// order nor share of the grains matters.
-Hash128 state_hash(const Particles& particles, const Contacts& contacts, std::uint64_t step);
+/// order nor share of the grains matters. All ranks call it.
+Hash128 state_hash(const World& world, const Particles& particles, const Contacts& contacts, std::uint64_t step);
 
 }  // namespace moraine

@@ -25,6 +25,8 @@ class Stopwatch {
     running_ = phase;
     since_ = now;
   }
+  /// Of a phase that is not running [s].
+  double seconds(Phase phase) const { return seconds_[static_cast<std::size_t>(phase)]; }
   std::vector<PhaseTime> table() const {
     static constexpr const char* names[] = {"sort, pair list, wall candidates", "contacts and motion",
                                             "periodic faces, outlets", "guard", "outside the step"};

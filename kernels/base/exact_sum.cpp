@@ -1,5 +1,6 @@
 #include "kernels/base/exact_sum.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
 #include <limits>
@@ -56,6 +57,23 @@ void ExactSum::normalize() {
     digits_[i] = i + 1 < n_digits ? digit - carry * digit_base : digit;
   }
   pending_ = 1;
+}
+
+std::array<std::int64_t, ExactSum::n_words> ExactSum::words() const {
+  ExactSum sum = *this;
+  sum.normalize();
+  std::array<std::int64_t, n_words> words{};
+  std::copy(sum.digits_.begin(), sum.digits_.end(), words.begin());
+  words.back() = is_invalid_ ? 1 : 0;
+  return words;
+}
+
+ExactSum ExactSum::from_words(const std::array<std::int64_t, n_words>& words) {
+  ExactSum sum;
+  std::copy_n(words.begin(), n_digits, sum.digits_.begin());
+  sum.is_invalid_ = words.back() != 0;
+  sum.normalize();
+  return sum;
 }
 
 double ExactSum::value() const {

@@ -21,9 +21,16 @@ class ExactSum {
   /// The sum, rounded to the nearest double.
   double value() const;
 
+  /// All that the accumulator holds, as integers: to be kept, or added word by word to those of others (of other ranks). Each is
+  /// below 2^32 in size, so that a double holds it.
+  static constexpr std::size_t n_words = 69;
+  std::array<std::int64_t, n_words> words() const;
+  /// From words, or from the sums of up to 2^29 accumulators' words.
+  static ExactSum from_words(const std::array<std::int64_t, n_words>& words);
+
  private:
   void normalize();
-  static constexpr int n_digits = 68;  // 2^-1074 .. 2^1024 and room above
+  static constexpr int n_digits = n_words - 1;  // 2^-1074 .. 2^1024 and room above
   std::array<std::int64_t, n_digits> digits_{};
   std::int32_t pending_ = 0;  // additions since the carries were last taken up
   bool is_invalid_ = false;

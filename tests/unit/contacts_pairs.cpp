@@ -261,7 +261,7 @@ TEST_CASE("what pairs remember follows them through rebuilds, sorting, crossing 
       }
       if (steps[0] || steps[1] || steps[2]) built.list.shift_images(i, steps);
     }
-    const PairCarry carry = built.list.carry(particles.size(), true, 3);
+    const PairCarry carry = built.list.carry(particles, {}, true, 3);
     build(built, particles, setting, needs_of(setting), carry, 1 + round % 4);
     built.list.for_each(particles.dummy(),
                         [&](std::int32_t a, std::int32_t b, std::uint8_t code, const PairMemory* memory) {

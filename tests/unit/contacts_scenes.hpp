@@ -123,7 +123,7 @@ inline void build(Built& built, Particles& particles, const Setting& setting, co
   const std::vector<Vec3> shifts = image_shifts(setting.domain);
   built.cells.sort(particles, setting.domain, setting.periodic, 2.0 * largest + setting.skin, n_threads);
   particles.reorder(built.cells.order(), n_threads);
-  built.list.build(particles, built.cells, shifts, setting.skin, needs, built.cells.order(), carry, n_threads);
+  built.list.build(particles, built.cells, {}, shifts, setting.skin, needs, built.cells.order(), carry, n_threads);
 }
 
 inline PairNeeds needs_of(const Setting& setting) {

@@ -1,0 +1,165 @@
+#include "engine/contacts/ghosts.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include "engine/contacts/ghost_rule.hpp"
+#include "engine/particles/parcel.hpp"
+
+namespace moraine {
+
+namespace {
+
+std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+Ghosts::Link& Ghosts::link_with(int rank) {
+  const auto found =
+      std::lower_bound(links_.begin(), links_.end(), rank, [](const Link& link, int r) { return link.rank < r; });
+  if (found != links_.end() && found->rank == rank) return *found;
+  return *links_.insert(found, Link{rank, {}, 0, 0});
+}
+
+void Ghosts::make(const World& world, const Subdomains& subdomains, Particles& particles, double largest_radius,
+                  double skin) {
+  links_.clear();
+  copies_.clear();
+  are_fresh_ = true;
+  refreshed_.clear();
+  n_refreshed_ = 0;
+  for (const FieldInfo& row : field_table)
+    if (row.travel == Travel::every_step && particles.has(row.field)) {
+      refreshed_.emplace_back(row.record_slot, row.components);
+      n_refreshed_ += at(row.components);
+    }
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    periodic_[axis] = subdomains.is_periodic(static_cast<int>(axis));
+    period_[static_cast<int>(axis)] = subdomains.period()[static_cast<int>(axis)];
+  }
+
+  const int rank = world.rank();
+  const std::vector<Subdomains::Near> near =
+      subdomains.near(rank, ghost_reach(largest_radius, largest_radius, skin));
+  for (std::int32_t i = 0; i < particles.size(); ++i)
+    for_each_needing(subdomains, rank, near, particles.position(i),
+                     ghost_reach(particles.radius(i), largest_radius, skin),
+                     [&](int other) { link_with(other).sent.push_back(i); });
+  std::vector<Parcel> parcels;
+  for (const Link& link : links_) {
+    ParcelWriter parcel;
+    parcel.put(static_cast<std::uint64_t>(link.sent.size()));
+    for (const std::int32_t i : link.sent) put_grain(particles, i, true, parcel);
+    parcels.push_back({link.rank, parcel.take()});
+  }
+  const std::vector<Parcel> arrived = world.exchange(std::move(parcels));
+
+  std::int32_t n_ghosts = 0;
+  for (const Parcel& parcel : arrived) {
+    Link& link = link_with(parcel.rank);
+    link.first_ghost = n_ghosts;
+    link.n_ghosts = static_cast<std::int32_t>(ParcelReader(parcel.bytes).get<std::uint64_t>());
+    n_ghosts += link.n_ghosts;
+  }
+  particles.set_ghosts(n_ghosts);
+  std::int32_t ghost = particles.size();
+  for (Link& link : links_) link.first_ghost += particles.size();
+  for (const Parcel& parcel : arrived) {
+    ParcelReader reader(parcel.bytes);
+    for (auto n = reader.get<std::uint64_t>(); n > 0; --n) get_grain(reader, true, particles, ghost++);
+  }
+  find_copies(subdomains, rank, particles, largest_radius, skin);
+
+  std::vector<Halo::Link> messages;
+  const std::size_t bytes = n_refreshed_ * sizeof(double);
+  for (const Link& link : links_) messages.push_back({link.rank, link.sent.size() * bytes, at(link.n_ghosts) * bytes});
+  halo_.open(world, std::move(messages));
+}
+
+void Ghosts::find_copies(const Subdomains& subdomains, int rank, const Particles& particles, double largest_radius,
+                         double skin) {
+  std::array<int, 3> most{};
+  for (int axis = 0; axis < 3; ++axis)
+    most[at(axis)] = periodic_[at(axis)] && !subdomains.spans(rank, axis) ? 1 : 0;
+  const Box& own = subdomains.box(rank);
+  for (std::int32_t g = particles.size(); g < particles.dummy(); ++g) {
+    const double reach = ghost_reach(particles.radius(g), largest_radius, skin);
+    for (int x = -most[0]; x <= most[0]; ++x)
+      for (int y = -most[1]; y <= most[1]; ++y)
+        for (int z = -most[2]; z <= most[2]; ++z) {
+          Vec3 position = particles.position(g);
+          const std::array<int, 3> steps = {x, y, z};
+          for (int axis = 0; axis < 3; ++axis)
+            if (steps[at(axis)] != 0) position[axis] += steps[at(axis)] * period_[axis];
+          if (squared_distance(position, own) < reach * reach) copies_.push_back({g, image::code(x, y, z), position});
+        }
+  }
+}
+
+void Ghosts::start_refresh(const Particles& particles) {
+  for (std::size_t k = 0; k < links_.size(); ++k) {
+    std::byte* to = halo_.outgoing(k).data();
+    for (const std::int32_t i : links_[k].sent)
+      for (const auto& [slot, n] : refreshed_) {
+        const std::size_t bytes = at(n) * sizeof(double);
+        std::memcpy(to, particles.record(i) + slot, bytes);
+        to += bytes;
+      }
+  }
+  halo_.start();
+}
+
+std::span<const GhostEvent> Ghosts::finish_refresh(Particles& particles) {
+  halo_.finish();
+  events_.clear();
+  const bool is_any_periodic = periodic_[0] || periodic_[1] || periodic_[2];
+  for (std::size_t k = 0; k < links_.size(); ++k) {
+    const std::byte* from = halo_.incoming(k).data();
+    for (std::int32_t g = links_[k].first_ghost; g < links_[k].first_ghost + links_[k].n_ghosts; ++g) {
+      const Vec3 before = particles.position(g);
+      for (const auto& [slot, n] : refreshed_) {
+        const std::size_t bytes = at(n) * sizeof(double);
+        std::memcpy(particles.record(g) + slot, from, bytes);
+        from += bytes;
+      }
+      const Vec3 now = particles.position(g);
+      if (now.x != now.x) {
+        if (before.x == before.x) events_.push_back({g, {}, true});
+        continue;
+      }
+      if (!is_any_periodic) continue;
+      // A grain moves by less than its radius in a step: what looks like more is a period that its owner brought it back by.
+      GhostEvent event{g, {}, false};
+      for (int axis = 0; axis < 3; ++axis)
+        if (periodic_[at(axis)] && std::abs(now[axis] - before[axis]) > 0.5 * period_[axis])
+          event.steps[at(axis)] = now[axis] > before[axis] ? 1 : -1;
+      if (event.steps != std::array<int, 3>{}) events_.push_back(event);
+    }
+  }
+  // Links are in order of rank, and so are the places of their ghosts.
+  are_fresh_ = true;
+  return events_;
+}
+
+HaloCounts Ghosts::counts() const {
+  HaloCounts counts;
+  for (const Link& link : links_) {
+    counts.n_ghosts += at(link.n_ghosts);
+    counts.n_sent += link.sent.size();
+    ++counts.n_neighbours;
+    counts.n_messages += link.sent.empty() ? 0 : 1;
+    counts.n_bytes += link.sent.size() * n_refreshed_ * sizeof(double);
+  }
+  return counts;
+}
+
+std::size_t Ghosts::memory() const {
+  std::size_t bytes = copies_.capacity() * sizeof(GhostCopy);
+  for (const Link& link : links_)
+    bytes += link.sent.capacity() * sizeof(std::int32_t) +
+             (link.sent.size() + at(link.n_ghosts)) * n_refreshed_ * sizeof(double);
+  return bytes;
+}
+
+}  // namespace moraine

@@ -1,0 +1,69 @@
+// The ghosts of a rank: made with the pair list, refreshed in each step.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "comm/halo.hpp"
+#include "comm/subdomains.hpp"
+#include "comm/world.hpp"
+#include "engine/contacts/pair_list.hpp"
+#include "engine/particles/particles.hpp"
+
+namespace moraine {
+
+/// What one rank exchanges with others in a step.
+struct HaloCounts {
+  std::uint64_t n_ghosts = 0, n_sent = 0;  // grains
+  std::uint64_t n_neighbours = 0;          // ranks that it sends to or receives from
+  std::uint64_t n_messages = 0;            // sent a step
+  std::uint64_t n_bytes = 0;               // sent a step
+};
+
+class Ghosts {
+ public:
+  /// Finds out which grains which rank needs, and puts the ghosts that come behind the grains of this one. The grains must have
+  /// their final places, and be where `subdomains` puts them. All ranks call it.
+  void make(const World& world, const Subdomains& subdomains, Particles& particles, double largest_radius, double skin);
+  /// The ghosts, and those periodic images of them that this rank's grains can meet across a cut direction.
+  const std::vector<GhostCopy>& copies() const { return copies_; }
+
+  /// Sends the present state of the grains that others need, and asks for that of the ghosts.
+  void start_refresh(const Particles& particles);
+  /// Waits for it and puts it in place. Returns the ghosts that have been brought back by a period or have left, in order.
+  std::span<const GhostEvent> finish_refresh(Particles& particles);
+
+  /// False where the grains have moved since the ghosts were made or refreshed.
+  bool are_fresh() const { return are_fresh_; }
+  void set_fresh(bool are_fresh) { are_fresh_ = are_fresh; }
+
+  HaloCounts counts() const;
+  const Halo& halo() const { return halo_; }
+  std::size_t memory() const;
+
+ private:
+  struct Link {
+    int rank = 0;
+    std::vector<std::int32_t> sent;  // places of the grains that it needs
+    std::int32_t first_ghost = 0;    // places of the ghosts that it sends
+    std::int32_t n_ghosts = 0;
+  };
+  void find_copies(const Subdomains& subdomains, int rank, const Particles& particles, double largest_radius,
+                   double skin);
+  Link& link_with(int rank);
+
+  std::vector<Link> links_;
+  std::vector<std::pair<int, int>> refreshed_;  // first double in the record, and number, of what travels every step
+  std::size_t n_refreshed_ = 0;                 // doubles a grain
+  std::vector<GhostCopy> copies_;
+  std::vector<GhostEvent> events_;
+  std::array<bool, 3> periodic_{};
+  Vec3 period_;
+  Halo halo_;
+  bool are_fresh_ = true;
+};
+
+}  // namespace moraine
