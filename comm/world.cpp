@@ -1,6 +1,7 @@
 #include "comm/world.hpp"
 
 #include <algorithm>
+#include <array>
 #include <climits>
 #include <cstdlib>
 #include <stdexcept>
@@ -11,7 +12,9 @@ namespace moraine {
 
 namespace {
 
-constexpr int parcel_tag = 1;
+/// Exchanges take turns with two tags: a rank that is through with one may be sending the parcels of the next while another still
+/// looks for those of the first. Nobody can be two ahead.
+constexpr std::array<int, 2> parcel_tags = {1, 3};
 
 /// MPI counts in int; nothing that Moraine sends at once comes near, and where it does it says so.
 int count_of(std::size_t n) {
@@ -25,6 +28,7 @@ struct World::Group {
   MPI_Comm communicator = MPI_COMM_NULL;
   bool ends_mpi = false;
   int rank = 0, size = 1;
+  unsigned n_exchanges = 0;
 
   Group(MPI_Comm comm, bool is_last) : communicator(comm), ends_mpi(is_last) {
     MPI_Comm_rank(comm, &rank);
@@ -141,6 +145,7 @@ void World::broadcast(std::string& text, int root) const {
 std::vector<Parcel> World::exchange(std::vector<Parcel> parcels) const {
   if (is_alone()) return parcels;
   const MPI_Comm comm = group_->communicator;
+  const int parcel_tag = parcel_tags[group_->n_exchanges++ % parcel_tags.size()];
   std::vector<Parcel> arrived;
   std::vector<MPI_Request> sending;
   for (Parcel& parcel : parcels) {

@@ -50,6 +50,7 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
 }
 
 void Contacts::rebuild(Particles& particles, double skin, double time, int n_threads) {
+  refresh(particles);  // pairs are carried over by the images in which they are now
   const std::vector<std::uint8_t> is_leaving = leaving_grains(world_, subdomains_, particles);
   PairCarry pairs = pairs_.carry(particles, is_leaving, choice_.has_ledger, n_threads);
   pairs_.forget();

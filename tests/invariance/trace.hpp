@@ -37,9 +37,9 @@ inline Moment look(Simulation& simulation) {
   Moment moment;
   moment.step = simulation.step_number();
   moment.hash = simulation.state_hash().text();
+  moment.n_inside = simulation.snapshot().n_grains;  // several ranks count here
   moment.n_born = simulation.n_born();
   moment.n_left = simulation.n_left();
-  moment.n_inside = simulation.snapshot().n_grains;
   for (std::size_t k = 0; k < simulation.scene().output.probes.size(); ++k)
     moment.probes.push_back({simulation.probe_row(k)});
   if (simulation.scene().output.energy) moment.ledger = ledger_bits(simulation.energy());
