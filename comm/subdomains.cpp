@@ -12,10 +12,14 @@ constexpr double infinite = std::numeric_limits<double>::infinity();
 /// Weights are summed as integers of this part of a unit, so that the order of the points does not matter.
 constexpr double weight_units = 256.0;
 
+/// Boundaries in the width of the narrowest part: with whole ones only, parts of some twenty grains across are 15 % uneven.
+constexpr int boundaries_per_width = 16;
+
 /// The grid whose boundaries may be cut along: cells of each axis, by the place of their lower boundary.
 struct Grid {
   Vec3 low, width;
   std::array<int, 3> counts{1, 1, 1};
+  std::array<int, 3> fewest{1, 1, 1};  // cells that make the narrowest part
 
   int cell_of(Vec3 p, int axis) const {
     const auto a = static_cast<std::size_t>(axis);
@@ -28,7 +32,7 @@ struct Grid {
 Grid make_grid(const World& world, std::span<const WeightedPoint> points, const CutSpace& space) {
   Box bounds = Box::empty();
   for (const WeightedPoint& point : points) bounds.include(point.position);
-  std::array<double, 6> edges = {-bounds.low.x,  -bounds.low.y,  -bounds.low.z,
+  std::array<double, 6> edges = {-bounds.low.x, -bounds.low.y, -bounds.low.z,
                                  bounds.high.x, bounds.high.y, bounds.high.z};
   world.max(edges);
   Grid grid;
@@ -41,8 +45,11 @@ Grid make_grid(const World& world, std::span<const WeightedPoint> points, const 
     }
     constexpr double most = 1 << 20;
     grid.low[axis] = low;
-    grid.counts[a] = static_cast<int>(std::clamp(std::floor((high - low) / space.cell_width), 1.0, most));
+    grid.counts[a] =
+        static_cast<int>(std::clamp(std::floor(boundaries_per_width * (high - low) / space.cell_width), 1.0, most));
     grid.width[axis] = std::max((high - low) / grid.counts[a], std::numeric_limits<double>::min());
+    grid.fewest[a] =
+        static_cast<int>(std::clamp(std::ceil(space.cell_width / grid.width[axis] * (1.0 - 1e-12)), 1.0, most));
   }
   return grid;
 }
@@ -52,12 +59,12 @@ struct Piece {
   std::array<int, 3> first{}, end{};  // cells
   int part_begin = 0, part_end = 0;
   std::int32_t node = 0;
-  int axis = -1;               // along which it is being cut; -1: it is not
-  std::size_t histogram = 0;   // where its work by cell starts
+  int axis = -1;              // along which it is being cut; -1: it is not
+  std::size_t histogram = 0;  // where its work by cell starts
   int n_parts() const { return part_end - part_begin; }
 };
 
-/// The longest axis that has more than one cell, by length; -1 where there is none.
+/// The longest axis with room for two parts; -1 where there is none.
 int axis_to_cut(const Piece& piece, const Grid& grid) {
   int best = -1;
   double longest = 0.0;
@@ -65,7 +72,7 @@ int axis_to_cut(const Piece& piece, const Grid& grid) {
     const auto a = static_cast<std::size_t>(axis);
     const int n = piece.end[a] - piece.first[a];
     const double length = n * grid.width[axis];
-    if (n > 1 && length > longest * (1.0 + 1e-9)) {
+    if (n >= 2 * grid.fewest[a] && length > longest * (1.0 + 1e-9)) {
       longest = length;
       best = axis;
     }
@@ -73,16 +80,18 @@ int axis_to_cut(const Piece& piece, const Grid& grid) {
   return best;
 }
 
-/// The boundary (1 to n - 1) at which the work below comes nearest to its share.
-int best_boundary(std::span<const std::int64_t> work, double share) {
+/// The boundary, at least `fewest` cells from either end, at which the work below comes nearest to its share.
+int best_boundary(std::span<const std::int64_t> work, double share, int fewest) {
   std::int64_t total = 0;
   for (const std::int64_t w : work) total += w;
   const double wanted = share * static_cast<double>(total);
-  int best = 1;
+  const auto first = static_cast<std::size_t>(fewest), last = work.size() - first;
+  int best = fewest;
   double least = infinite;
   std::int64_t below = 0;
-  for (std::size_t c = 1; c < work.size(); ++c) {
+  for (std::size_t c = 1; c <= last; ++c) {
     below += work[c - 1];
+    if (c < first) continue;
     // in empty space the boundary nearest to the middle of it would do as well; the first is as good
     const double off = std::abs(static_cast<double>(below) - wanted);
     if (off < least) {
@@ -117,9 +126,12 @@ Subdomains Subdomains::cut(const World& world, int n_parts, std::span<const Weig
     for (int axis = 0; axis < 3; ++axis) {
       const auto a = static_cast<std::size_t>(axis);
       const bool is_open = !space.periodic[a];
-      box.low[axis] = piece.first[a] > 0 ? grid.boundary(piece.first[a], axis) : is_open ? -infinite : space.domain.low[axis];
-      box.high[axis] =
-          piece.end[a] < grid.counts[a] ? grid.boundary(piece.end[a], axis) : is_open ? infinite : space.domain.high[axis];
+      box.low[axis] = piece.first[a] > 0 ? grid.boundary(piece.first[a], axis)
+                      : is_open          ? -infinite
+                                         : space.domain.low[axis];
+      box.high[axis] = piece.end[a] < grid.counts[a] ? grid.boundary(piece.end[a], axis)
+                       : is_open                     ? infinite
+                                                     : space.domain.high[axis];
     }
     return box;
   };
@@ -148,7 +160,7 @@ Subdomains Subdomains::cut(const World& world, int n_parts, std::span<const Weig
     for (std::size_t p = 0; p < pieces.size(); ++p) {
       const Piece& piece = pieces[p];
       Cut& node = result.tree_[static_cast<std::size_t>(piece.node)];
-      if (piece.axis < 0) {  // one part, or one cell for several: the others stay empty
+      if (piece.axis < 0) {  // one part, or no room for several: the others stay empty
         node.lower = piece.part_begin;
         result.boxes_[static_cast<std::size_t>(piece.part_begin)] = box_of(piece);
         continue;
@@ -157,7 +169,7 @@ Subdomains Subdomains::cut(const World& world, int n_parts, std::span<const Weig
       const int n_below = piece.n_parts() / 2;
       const auto n = static_cast<std::size_t>(piece.end[a] - piece.first[a]);
       const int at = piece.first[a] + best_boundary(std::span(work).subspan(piece.histogram, n),
-                                                    static_cast<double>(n_below) / piece.n_parts());
+                                                    static_cast<double>(n_below) / piece.n_parts(), grid.fewest[a]);
       Piece lower = piece, upper = piece;
       lower.end[a] = upper.first[a] = at;
       lower.part_end = upper.part_begin = piece.part_begin + n_below;
@@ -177,8 +189,9 @@ Subdomains Subdomains::cut(const World& world, int n_parts, std::span<const Weig
     for (std::size_t i = 0; i < points.size(); ++i) {
       if (piece_of[i] < 0) continue;
       const auto p = static_cast<std::size_t>(piece_of[i]);
-      piece_of[i] = lower_of[p] < 0 ? -1
-                    : lower_of[p] + (grid.cell_of(points[i].position, pieces[p].axis) >= boundary_of[p] ? 1 : 0);
+      piece_of[i] = lower_of[p] < 0
+                        ? -1
+                        : lower_of[p] + (grid.cell_of(points[i].position, pieces[p].axis) >= boundary_of[p] ? 1 : 0);
     }
     pieces = std::move(next);
   }

@@ -1,9 +1,9 @@
 // Subdomains: space divided into one box a rank by recursive cuts along cell boundaries, weighted by cost
 // (Berger & Bokhari 1987, IEEE Trans. Comput. 36, 570).
 //
-// Cuts lie on the boundaries of a grid of cells at least as wide as two grains can be apart and still be a pair, so that
-// no rank reaches past its neighbours, nor across a periodic direction into itself. Where there are fewer cells than parts, some
-// parts are empty. Outer faces of directions that are not periodic lie at infinity: every grain has an owner.
+// No part is narrower than two grains can be apart and still be a pair, so that no rank reaches past its neighbours, nor across a
+// periodic direction into itself. Cuts lie on the boundaries of a grid much finer than that. Where there is no room for all parts, some
+// are empty. Outer faces of directions that are not periodic lie at infinity: every grain has an owner.
 #pragma once
 
 #include <array>
@@ -25,9 +25,9 @@ struct WeightedPoint {
 
 /// Space that is cut.
 struct CutSpace {
-  Box domain;                     // [m]
+  Box domain;  // [m]
   std::array<bool, 3> periodic{};
-  double cell_width = 0.0;        // [m] cells are no narrower
+  double cell_width = 0.0;  // [m] parts are no narrower
 };
 
 class Subdomains {
@@ -39,7 +39,7 @@ class Subdomains {
   static Subdomains cut(const World& world, int n_parts, std::span<const WeightedPoint> points, const CutSpace& space);
 
   int size() const { return static_cast<int>(boxes_.size()); }
-  /// Half-open; infinite at outer faces that are not periodic; empty (low = high) for a part without cells.
+  /// Half-open; infinite at outer faces that are not periodic; empty (low = high) for a part without room.
   const Box& box(int part) const { return boxes_[static_cast<std::size_t>(part)]; }
   bool is_empty(int part) const;
   /// The part that holds a point of the domain (or of beyond, where it is not periodic).

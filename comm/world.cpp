@@ -155,7 +155,8 @@ std::vector<Parcel> World::exchange(std::vector<Parcel> parcels) const {
     }
     // Synchronous: done only when it is being received, so that "all mine are done" means "all mine have arrived".
     sending.emplace_back();
-    MPI_Issend(parcel.bytes.data(), count_of(parcel.bytes.size()), MPI_BYTE, parcel.rank, parcel_tag, comm, &sending.back());
+    MPI_Issend(parcel.bytes.data(), count_of(parcel.bytes.size()), MPI_BYTE, parcel.rank, parcel_tag, comm,
+               &sending.back());
   }
   MPI_Request everyone = MPI_REQUEST_NULL;
   bool is_waiting_for_everyone = false;

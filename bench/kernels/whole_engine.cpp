@@ -27,16 +27,19 @@ struct Engine {
   Kick kick;
   double dt;
 
+  double travelled = 0.0;  // a bed at rest: its grains come nowhere
+
   Engine(const std::string& deck, Size size, int n_threads)
       : scene(bed_scene(deck, size)), walls(scene), dt(*scene.time.step) {
     put_grains(scene, make_grains(scene, 1), particles);
     const double r = particles.radius(0);
-    contacts = std::make_unique<Contacts>(scene, walls, GrainKind{true, particles.inverse_mass(0), r, r});
+    contacts = std::make_unique<Contacts>(scene, walls, GrainKind{true, particles.inverse_mass(0), r, r},
+                                          World());
     kick.gain = kick.spin_gain = kick.drift = dt;
     kick.gravity = scene.time.gravity;
     contacts->rebuild(particles, Bed::skin, 0.0, n_threads);
     StepResult result;
-    for (int step = 0; step < 5; ++step) contacts->advance(particles, kick, dt, n_threads, result);
+    for (int step = 0; step < 5; ++step) contacts->advance(particles, kick, dt, travelled, n_threads, result);
   }
   Work work(int n_threads) const {
     Work work;
@@ -51,7 +54,7 @@ void step(benchmark::State& state, const std::string& deck, Size size, int n_thr
   Engine engine(deck, size, n_threads);
   StepResult result;
   measure(state, engine.work(n_threads),
-          [&] { engine.contacts->advance(engine.particles, engine.kick, engine.dt, n_threads, result); });
+          [&] { engine.contacts->advance(engine.particles, engine.kick, engine.dt, engine.travelled, n_threads, result); });
   state.counters["contacts"] = static_cast<double>(result.n_touching);
 }
 
@@ -63,7 +66,7 @@ void rebuild(benchmark::State& state, Size size, int n_threads) {
 
 void hash(benchmark::State& state, Size size) {
   Engine engine("bed.toml", size, 1);
-  measure(state, engine.work(1), [&] { benchmark::DoNotOptimize(state_hash(engine.particles, *engine.contacts, 1)); });
+  measure(state, engine.work(1), [&] { benchmark::DoNotOptimize(state_hash(World(), engine.particles, *engine.contacts, 1)); });
 }
 
 void exact_sum(benchmark::State& state, std::size_t n) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "engine/contacts/migration.hpp"
@@ -92,12 +93,14 @@ struct Contacts::ThreadStep {
   char padding[64];  // threads write their own cache lines
 };
 
-void Contacts::advance(Particles& particles, const Kick& kick, double dt, int n_threads, StepResult& result) {
+void Contacts::advance(Particles& particles, const Kick& kick, double dt, double travelled, int n_threads,
+                       StepResult& result) {
   const int n_active = std::min(n_threads, static_cast<int>(pairs_.threads().size()));
   std::vector<ThreadStep> steps(static_cast<std::size_t>(n_active));
   if (!ghosts_.are_fresh()) ghosts_.start_refresh(particles);
-  parallel(n_active,
-           [&](int thread) { advance_thread(particles, kick, dt, thread, steps[static_cast<std::size_t>(thread)]); });
+  parallel(n_active, [&](int thread) {
+    advance_thread(particles, kick, dt, travelled, thread, steps[static_cast<std::size_t>(thread)]);
+  });
   ghosts_.set_fresh(world_.is_alone());
   result = StepResult{};
   for (const ThreadStep& step : steps) {
@@ -110,7 +113,8 @@ void Contacts::advance(Particles& particles, const Kick& kick, double dt, int n_
   std::sort(result.outside.begin(), result.outside.end());
 }
 
-void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt, int thread, ThreadStep& step) {
+void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt, double travelled, int thread,
+                              ThreadStep& step) {
   ThreadPairs& mine = pairs_.threads()[static_cast<std::size_t>(thread)];
   PairSweep sweep;
   sweep.records = particles.records();
@@ -179,10 +183,16 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   const std::size_t n_tiles = mine.tiles.size() - (mine.has_border ? 1 : 0);
   for (std::size_t t = 0; t < n_tiles; ++t) {
     const Tile& tile = mine.tiles[t];
+    const std::int64_t far = pairs_.far_begin(tile, travelled);
     for (std::int64_t k = tile.ring_begin; k < tile.kept_begin;) {  // up to the end of the ring, then from its start
       const std::int64_t place = k & mine.ring_mask;
-      const std::int64_t end = std::min(tile.kept_begin, k + (std::int64_t{mine.ring_mask} + 1 - place));
-      note(kernels_.pairs(sweep, {k, end}, mine.ring.data() + place * slot));
+      const std::int64_t end =
+          std::min(k < far ? far : tile.kept_begin, k + (std::int64_t{mine.ring_mask} + 1 - place));
+      double* const slots = mine.ring.data() + place * slot;
+      if (k < far)
+        note(kernels_.pairs(sweep, {k, end}, slots));
+      else  // what cannot touch gives nothing
+        std::fill_n(slots, (end - k) * slot, 0.0);
       k = end;
     }
     sweep_kept(tile);
@@ -218,7 +228,7 @@ Contacts::Velocities Contacts::velocities_now(Particles& particles, const Kick& 
 
   const bool were_fresh = ghosts_.are_fresh();
   StepResult ignored;
-  advance(particles, half_kick, dt, n_threads, ignored);
+  advance(particles, half_kick, dt, std::numeric_limits<double>::infinity(), n_threads, ignored);
   Velocities now;
   for (std::int32_t i = 0; i < particles.size(); ++i) {
     now.linear.push_back(particles.velocity(i));

@@ -73,8 +73,8 @@ class Contacts {
   void refresh(Particles& particles);
 
   /// Contact forces at the present positions, then kick and drift of all grains. `result.outside` and the rest are overwritten. Ghosts
-  /// are refreshed meanwhile, where they are not.
-  void advance(Particles& particles, const Kick& kick, double dt, int n_threads, StepResult& result);
+  /// are refreshed meanwhile, where they are not. `travelled` [m]: no grain of this rank has moved further since the rebuild.
+  void advance(Particles& particles, const Kick& kick, double dt, double travelled, int n_threads, StepResult& result);
 
   /// Velocities at the present positions: those of the grains, half a step late, after `half_kick` (whose drift is zero) with
   /// the contact forces of now. Leaves grains and memory as they are.
@@ -134,7 +134,8 @@ class Contacts {
              double skin, double time, int n_threads);
   void finish_refresh(Particles& particles);
   struct ThreadStep;
-  void advance_thread(Particles& particles, const Kick& kick, double dt, int thread, ThreadStep& step);
+  void advance_thread(Particles& particles, const Kick& kick, double dt, double travelled, int thread,
+                      ThreadStep& step);
   ReferenceContact pair_contact(const Particles& particles, std::int32_t a, std::int32_t b, std::uint8_t image,
                                 const PairMemory* memory) const;
   ReferenceContact wall_contact(const Particles& particles, const WallContact& contact, double mirror) const;

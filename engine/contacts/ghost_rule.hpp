@@ -18,7 +18,8 @@ inline double ghost_reach(double radius, double largest_radius, double skin) {
 inline double squared_distance_shifted(const Subdomains& subdomains, const Subdomains::Near& near, Vec3 position) {
   for (int axis = 0; axis < 3; ++axis) {
     const int steps = near.steps[static_cast<std::size_t>(axis)];
-    if (steps != 0) position[axis] += steps * subdomains.period()[axis];  // periods may be infinite where nothing is periodic
+    if (steps != 0)
+      position[axis] += steps * subdomains.period()[axis];  // periods may be infinite where nothing is periodic
   }
   return squared_distance(position, subdomains.box(near.part));
 }

@@ -56,6 +56,7 @@ void PairList::build(const Particles& particles, const Cells& cells, std::span<c
                      std::span<const std::int32_t> was_at, const PairCarry& carry, int n_threads) {
   const std::int32_t n = particles.size();
   const int n_active = std::max(1, std::min(n_threads, n / min_grains_per_thread));
+  set_bands(skin);
   search(particles, cells, ghosts, needs.has_images ? image_shift : std::span<const Vec3>{}, skin, n_active);
   cut(n, n_active);
   is_deferred_.assign(at(n), 0);
@@ -64,7 +65,7 @@ void PairList::build(const Particles& particles, const Cells& cells, std::span<c
   parallel(n_active, [&](int thread) {
     mark_deferred(thread);
     barrier();
-    lay_out(particles, needs, was_at, carry, thread);
+    lay_out(particles, image_shift, needs, was_at, carry, thread);
   });
   for (std::size_t t = 0; t < at(n_active); ++t) kept_base_[t + 1] += kept_base_[t];
   kept_.resize_discarding(at(std::int64_t{kept_base_.back()} * needs.slot_size));
@@ -185,8 +186,21 @@ void PairList::mark_deferred(int thread) {
       std::atomic_ref(is_deferred_[at(pair.i)]).store(1, std::memory_order_relaxed);
 }
 
-void PairList::lay_out(const Particles& particles, const PairNeeds& needs, std::span<const std::int32_t> was_at,
-                       const PairCarry& carry, int thread) {
+void PairList::set_bands(double skin) {
+  // Touching pairs are in the first; where grains move little, the others are never looked at.
+  constexpr std::array<double, n_bands> of_skin = {0.0, 0.125, 0.25, 0.5, 0.75};
+  for (std::size_t band = 0; band < n_bands; ++band) band_gap_[band] = of_skin[band] * skin;
+}
+
+std::int64_t PairList::far_begin(const Tile& tile, double travelled) const {
+  const double closed = 2.0 * travelled * (1.0 + 1e-9);
+  for (std::size_t band = 1; band < n_bands; ++band)
+    if (closed < band_gap_[band] * (1.0 - 1e-9)) return std::min(round_up(tile.band_begin[band - 1]), tile.kept_begin);
+  return tile.kept_begin;
+}
+
+void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_shift, const PairNeeds& needs,
+                       std::span<const std::int32_t> was_at, const PairCarry& carry, int thread) {
   ThreadPairs& mine = threads_[at(thread)];
   std::int64_t n_raw = 0;
   for_each_raw(mine.grain_begin, mine.grain_end, [&](std::int32_t, std::int32_t, std::uint8_t) { ++n_raw; });
@@ -243,20 +257,36 @@ void PairList::lay_out(const Particles& particles, const PairNeeds& needs, std::
     std::uint8_t image;
   };
   std::vector<Kept> kept;
-  std::vector<std::int64_t> last_ring_use;  // by tile: first pair of the earliest tile whose ring slots it needs
+  std::array<std::vector<Kept>, n_bands> bands;
+  const auto band_of = [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
+    Vec3 separation = particles.position(i) - particles.position(j);
+    if (code) separation = separation + image_shift[code];
+    const double squared = squared_length(separation), radii = particles.radius(i) + particles.radius(j);
+    std::size_t band = n_bands - 1;
+    for (; band > 0; --band) {
+      const double distance = radii + band_gap_[band];
+      if (squared >= distance * distance) break;
+    }
+    return band;
+  };
   for (std::int32_t begin = mine.grain_begin; begin < mine.grain_end; begin += tile_size) {
     Tile tile;
     tile.grain_begin = begin;
     tile.grain_end = std::min(begin + tile_size, mine.grain_end);
     tile.ring_begin = k;
     kept.clear();
+    for (auto& band : bands) band.clear();
     for_each_raw(tile.grain_begin, tile.grain_end, [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
       const bool is_far = j - i > (mine.grain_end - mine.grain_begin) / 2 && code != 0;
       if (j >= mine.grain_end || is_deferred_[at(i)] || is_deferred_[at(j)] || is_far)
         kept.push_back({i, j, code});
       else
-        put(i, j, code);
+        bands[band_of(i, j, code)].push_back({i, j, code});
     });
+    for (std::size_t band = 0; band < n_bands; ++band) {
+      if (band > 0) tile.band_begin[band - 1] = k;
+      for (const Kept& pair : bands[band]) put(pair.i, pair.j, pair.image);
+    }
     fill_group();
     tile.kept_begin = k;
     tile.kept_slot = n_kept;

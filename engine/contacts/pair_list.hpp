@@ -32,9 +32,14 @@ struct PairMemory {
   bool is_used() const { return displacement[0] != 0.0 || displacement[1] != 0.0 || displacement[2] != 0.0; }
 };
 
+/// Pairs of a tile that go to the ring lie in bands by how far apart their grains were at the rebuild: of a band that is still too far
+/// apart to touch, nothing is computed.
+inline constexpr int n_bands = 5;
+
 struct Tile {
   std::int32_t grain_begin = 0, grain_end = 0;
   std::int64_t ring_begin = 0;  // pairs of the tile: first those whose slots go to the ring ...
+  std::array<std::int64_t, n_bands - 1> band_begin{};  // (the nearest band begins at ring_begin)
   std::int64_t kept_begin = 0;  // ... then those whose slots are kept
   std::int64_t pair_end = 0;
   std::uint32_t kept_slot = 0;                    // slot of the pair at kept_begin
@@ -121,6 +126,8 @@ class PairList {
   std::vector<ThreadPairs>& threads() { return threads_; }
   const std::vector<ThreadPairs>& threads() const { return threads_; }
   double* kept_slots() { return kept_.data(); }
+  /// Pairs of the tile from here to kept_begin cannot touch as long as no grain has moved further than `travelled` [m] since the rebuild.
+  std::int64_t far_begin(const Tile& tile, double travelled) const;
   /// Number of pairs in the list.
   std::int64_t size() const;
   std::size_t memory() const;
@@ -156,8 +163,8 @@ class PairList {
               std::span<const Vec3> image_shift, double skin, int n_threads);
   void cut(std::int32_t n_grains, int n_threads);
   void mark_deferred(int thread);
-  void lay_out(const Particles& particles, const PairNeeds& needs, std::span<const std::int32_t> was_at,
-               const PairCarry& carry, int thread);
+  void lay_out(const Particles& particles, std::span<const Vec3> image_shift, const PairNeeds& needs,
+               std::span<const std::int32_t> was_at, const PairCarry& carry, int thread);
   void index_entries(const Particles& particles, const PairNeeds& needs, int thread);
   template <typename Function>
   void for_each_raw(std::int32_t begin, std::int32_t end, Function f) const;
@@ -184,6 +191,9 @@ class PairList {
     std::uint8_t image;  // as stored
     bool is_b;           // grain is b
   };
+  void set_bands(double skin);
+
+  std::array<double, n_bands> band_gap_{};  // [m] least gap between the grains of each band's pairs
   std::vector<RawChunk> raw_;
   std::int64_t n_last_ = 0;                    // pairs of the last list, to expect as many
   std::vector<std::vector<CrossPair>> cross_;  // by owning thread

@@ -1,20 +1,22 @@
-// Where the ranks' boxes lie: the cuts of a run at its start and at each rebalancing, and of a projection.
+// How a run shares space out over its ranks: the one function for the run itself and for the projection.
 #pragma once
 
 #include <span>
 
 #include "comm/subdomains.hpp"
 #include "comm/world.hpp"
+#include "engine/run/plan.hpp"
 #include "engine/scene/scene.hpp"
 
 namespace moraine {
 
-/// Cuts the scene's domain into n_parts for the grains at these positions [m], of these weights (any unit). Grains may lie on any ranks of
-/// `world`; all ranks call it. `widest_skin` [m]: the pair list will not use a wider one.
-Subdomains decompose(const World& world, int n_parts, std::span<const Vec3> positions, std::span<const float> weights,
-                     const Scene& scene, double largest_radius, double widest_skin);
+/// The widest skin that a run may come to use [m]: half the mean diameter, or what the scene says.
+double widest_skin(const Scene& scene, const Plan& plan);
 
-/// The widest skin that the pair list may come to use [m], for grains of this mean diameter [m].
-double widest_skin(const Scene& scene, double mean_diameter);
+/// Cuts space for the grains of all ranks (each gives its own). `widest`: as widest_skin(). `weights`: the work of each grain, in any unit; empty: all the same, as at
+/// the start of a run, when no pairs are known. No part will be narrower than the largest grains can be apart and still be a pair at the
+/// widest skin. The same on every layout. All ranks call it.
+Subdomains decompose(const World& world, int n_parts, std::span<const Vec3> positions, std::span<const float> weights,
+                     const Scene& scene, double largest_radius, double widest);
 
 }  // namespace moraine

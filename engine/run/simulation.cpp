@@ -165,20 +165,20 @@ void Simulation::Parts::make_contacts() {
   contacts.emplace(scene, walls, kind, world);
   skin = plan.skin;
   choose_skin();
-  if (!world.is_alone()) cut(std::vector<float>(static_cast<std::size_t>(particles.size()), 1.0f));
+  if (!world.is_alone()) cut({});
 }
 
-/// Divides space anew; grains move at the next rebuild. Weights of this rank's grains, in any unit that all ranks use.
+/// Divides space anew; grains move at the next rebuild. Weights of this rank's grains, in any unit that all ranks use; empty: all the same.
 void Simulation::Parts::cut(std::span<const float> weights) {
   std::vector<Vec3> positions;
   std::vector<float> those_here;
   for (std::int32_t i = 0; i < particles.size(); ++i)
     if (particles.is_here(i)) {
       positions.push_back(particles.position(i));
-      those_here.push_back(weights[static_cast<std::size_t>(i)]);
+      if (!weights.empty()) those_here.push_back(weights[static_cast<std::size_t>(i)]);
     }
   contacts->set_subdomains(decompose(world, world.size(), positions, those_here, scene, kind.largest_radius,
-                                     moraine::widest_skin(scene, mean_diameter())));
+                                     moraine::widest_skin(scene, plan)));
   ++n_cuts;
   rebuilds_since_cut = 0;
   worked_until_cut = worked();
@@ -234,7 +234,7 @@ void Simulation::Parts::choose_skin() {
     const double diameter = mean_diameter();
     const double wanted = std::sqrt(4.0 * diameter / (static_cast<double>(steps_since_rebuild) * skin));
     skin = std::clamp(skin * std::clamp(wanted, 0.7, 1.4), 0.01 * diameter,
-                      moraine::widest_skin(scene, diameter));
+                      moraine::widest_skin(scene, plan));
   }
   const double widest = widest_skin();
   if (!(widest > 1e-6 * kind.largest_radius) && kind.largest_radius > 0.0)
@@ -353,7 +353,7 @@ Kick Simulation::Parts::kick_of(double h) const {
 void Simulation::Parts::advance() {
   stopwatch.start(Phase::advance);
   // Velocities start at the positions, and are half a step behind them from then on.
-  contacts->advance(particles, kick_of(step == 0 ? 0.5 * dt : dt), dt, n_threads, result);
+  contacts->advance(particles, kick_of(step == 0 ? 0.5 * dt : dt), dt, travelled, n_threads, result);
   if (step == 0 && particles.has(Field::dissipated)) {  // rates are counted for half a step at the start
     double* const lost = particles.dissipated();
     for (std::ptrdiff_t i = 0; i < particles.size(); ++i) lost[4 * i] *= 0.5;
@@ -616,6 +616,7 @@ std::vector<PhaseTime> Simulation::phases() const {
 HaloCounts Simulation::halo_counts() const { return parts_->contacts->ghosts().counts(); }
 std::uint64_t Simulation::n_migrated() const { return parts_->contacts->n_migrated(); }
 std::uint64_t Simulation::n_cuts() const { return parts_->n_cuts; }
+std::int64_t Simulation::n_own_pairs() const { return parts_->contacts->n_pairs(); }
 std::uint64_t Simulation::n_own_grains() const { return static_cast<std::uint64_t>(parts_->particles.size()); }
 
 Hash128 Simulation::state_hash() const {

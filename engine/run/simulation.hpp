@@ -67,6 +67,7 @@ class Simulation {
   /// What this rank exchanges with others in a step, since the last rebuild.
   HaloCounts halo_counts() const;
   std::uint64_t n_own_grains() const;  // of this rank
+  std::int64_t n_own_pairs() const;    // in its list; border pairs are in the lists of both ranks
   std::uint64_t n_migrated() const;    // grains that this rank has given to others
   std::uint64_t n_cuts() const;        // how often space has been divided
   /// Where the time of this rank went since the start.

@@ -17,6 +17,7 @@
 #include "io/cli/check_command.hpp"
 #include "io/cli/file_commands.hpp"
 #include "io/cli/layout.hpp"
+#include "io/cli/project_command.hpp"
 #include "io/cli/run_command.hpp"
 #include "io/cli/version.hpp"
 #include "io/export/export.hpp"
@@ -81,6 +82,34 @@ void add_check(CLI::App& app, Command& chosen) {
   command->callback([&chosen, request] {
     chosen = [request] {
       print(check_text(request->scene_file, request->overrides, request->layout));
+      return exit_code::good;
+    };
+  });
+}
+
+void add_project(CLI::App& app, Command& chosen) {
+  auto* command =
+      app.add_subcommand("project", "what a scene would do on many ranks, counted and predicted without running it");
+  auto request = std::make_shared<ProjectRequest>();
+  command->add_option("SCENE", request->scene_file, "scene file (TOML)")->required();
+  command->add_option("--ranks", request->ranks, "numbers of ranks, such as 256,4096")
+      ->required()
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  command->add_option("--network", request->network,
+                      "file with the network's latency and bandwidth (default: InfiniBand QDR, 40 Gb/s)");
+  command->add_option("--layout-threads", request->threads, "threads of a rank (default: 1)");
+  command->add_option("--grains", request->grains,
+                      "for a bed like that of the scene with so many grains: ranks with as many each are shown");
+  command->add_option("--set", request->overrides, "changes a key of the scene: KEY=VALUE, as often as wanted")
+      ->type_name("KEY=VALUE")
+      ->type_size(1)
+      ->allow_extra_args(false)
+      ->take_all();
+  command->add_option("--csv", request->csv, "also writes all numbers to this file");
+  command->callback([&chosen, request] {
+    chosen = [request] {
+      print(project_text(*request));
       return exit_code::good;
     };
   });
@@ -219,6 +248,7 @@ int main(int argc, char** argv) {
   Log log;
   add_run(app, chosen, log);
   add_check(app, chosen);
+  add_project(app, chosen);
   add_info(app, chosen);
   add_compare(app, chosen);
   add_export(app, chosen);

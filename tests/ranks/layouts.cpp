@@ -1,6 +1,8 @@
 // The same bits on any number of ranks: every scene gives on R ranks of T threads what it gives alone.
 #include <catch2/catch.hpp>
 
+#include "engine/particles/fill.hpp"
+#include "engine/run/projection.hpp"
 #include "tests/invariance/trace.hpp"
 #include "tests/ranks/ranks.hpp"
 #include "tests/support/flow_scenes.hpp"
@@ -93,4 +95,26 @@ TEST_CASE("space is divided anew where the grains leave it, and no bit changes")
   Simulation simulation(scene, 1, all);
   CHECK(trace::difference(alone, trace::record(simulation, n_steps, every)) == "");
   CHECK((all.size() == 1 || simulation.n_cuts() > 1));
+}
+
+TEST_CASE("what a projection counts for a number of ranks is what a run on them has") {
+  const World& all = ranks::world();
+  for (auto& [name, scene, n_steps] : scenes::all()) {
+    const std::vector<GrainSeed> grains = make_grains(scene, 1);
+    for (int n_ranks = 2; n_ranks <= all.size(); ++n_ranks) {
+      const std::optional<World> world = all.first(n_ranks);
+      if (!world) continue;
+      INFO(name << " on " << n_ranks << " ranks");
+      const Simulation simulation(scene, 1, *world);
+      const RankCounts expected = count_ranks(scene, grains, n_ranks)[static_cast<std::size_t>(world->rank())];
+      const HaloCounts found = simulation.halo_counts();
+      CHECK(static_cast<std::int64_t>(simulation.n_own_grains()) == expected.n_grains);
+      CHECK(static_cast<std::int64_t>(found.n_ghosts) == expected.n_ghosts);
+      CHECK(static_cast<std::int64_t>(found.n_sent) == expected.n_sent);
+      CHECK(static_cast<int>(found.n_neighbours) == expected.n_neighbours);
+      CHECK(static_cast<int>(found.n_messages) == expected.n_messages);
+      CHECK(static_cast<std::int64_t>(found.n_bytes) == expected.bytes);
+      CHECK(simulation.n_own_pairs() == expected.n_pairs);
+    }
+  }
 }

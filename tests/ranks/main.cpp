@@ -1,27 +1,36 @@
-// Catch's main on every rank of a job: all run the same cases, the first one reports, and one failing rank fails the job.
+// Every rank runs the same tests in the same order. The first one reports; a rank in which a test fails shows what it has to say and
+// ends the whole job, as the others would wait for it.
 #define CATCH_CONFIG_RUNNER
 #include <catch2/catch.hpp>
 #include <cstdio>
 
+#include "comm/world.hpp"
 #include "tests/ranks/ranks.hpp"
 
 namespace moraine::ranks {
 
-namespace {
-const World* all = nullptr;
+const World& world() {
+  static const World all = World::join();
+  return all;
 }
-
-const World& world() { return *all; }
 
 }  // namespace moraine::ranks
 
 int main(int argc, char** argv) {
-  const moraine::World world = moraine::World::join();
-  moraine::ranks::all = &world;
-  if (!world.is_root() && !std::freopen("/dev/null", "w", stdout)) return 1;
-  double n_failed = Catch::Session().run(argc, argv);
-  const double own = n_failed;
-  world.max(std::span(&n_failed, 1));
-  if (own > 0 && !world.is_root()) std::fprintf(stderr, "rank %d has failures\n", world.rank());
-  return n_failed > 0 ? 1 : 0;
+  const moraine::World& world = moraine::ranks::world();
+  const std::string report = "rank-report-" + std::to_string(world.rank()) + ".txt";
+  Catch::Session session;
+  if (const int error = session.applyCommandLine(argc, argv)) return error;
+  if (!world.is_root()) session.configData().outputFilename = report;
+  const int n_failed = session.run();
+  if (!world.is_root()) {
+    if (std::FILE* const file = n_failed > 0 ? std::fopen(report.c_str(), "r") : nullptr) {
+      for (int c; (c = std::fgetc(file)) != EOF;) std::fputc(c, stderr);
+      std::fclose(file);
+    }
+    std::remove(report.c_str());
+  }
+  if (n_failed > 0) world.abort(1);
+  world.wait_for_all();
+  return 0;
 }
