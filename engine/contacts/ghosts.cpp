@@ -149,6 +149,7 @@ HaloCounts Ghosts::counts() const {
     counts.n_sent += link.sent.size();
     ++counts.n_neighbours;
     counts.n_messages += link.sent.empty() ? 0 : 1;
+    counts.n_received += link.n_ghosts == 0 ? 0 : 1;
     counts.n_bytes += link.sent.size() * n_refreshed_ * sizeof(double);
   }
   return counts;

@@ -20,6 +20,7 @@ struct HaloCounts {
   std::uint64_t n_ghosts = 0, n_sent = 0;  // grains
   std::uint64_t n_neighbours = 0;          // ranks that it sends to or receives from
   std::uint64_t n_messages = 0;            // sent a step
+  std::uint64_t n_received = 0;            // messages received a step
   std::uint64_t n_bytes = 0;               // sent a step
 };
 

@@ -109,7 +109,7 @@ struct Simulation::Parts {
 
   // Several ranks: when they look next at how far all have come, and what they divide.
   World world;
-  std::uint64_t next_look = 0, last_look = 0;  // [steps]
+  std::uint64_t next_look = 0, last_surprise = 0, n_looks = 0;  // [steps]
   bool is_stop_wanted = false, is_stop_agreed = false;
   std::uint64_t n_cuts = 0, rebuilds_since_cut = 0;
   double worked_until_cut = 0.0;  // [s] of this rank
@@ -276,20 +276,20 @@ StepPlan Simulation::Parts::decide() {
 }
 
 /// All ranks look how far their grains have come since the rebuild, and agree: to rebuild now (true), or when to look again. Between looks
-/// they need not talk: at most seven tenths of what is left are used up if the grains become a quarter faster than they are and
-/// fall freely besides; and nobody looks more than twice as far ahead as it has seen.
+/// they need not talk: nine tenths of what is left are used up if the fastest grain becomes faster by 15 % and falls freely
+/// besides, and it is the one that has come furthest. Nobody looks more than twice as far ahead as it has seen since the start, or since
+/// a wall has come or gone. Where a look would gain little, the rebuild comes at once.
 bool Simulation::Parts::look() {
+  ++n_looks;
   travelled = largest_travel();
   std::array<double, 3> most = {travelled, result.max_speed, is_stop_wanted ? 1.0 : 0.0};
   world.max(most);
   is_stop_agreed = most[2] > 0.0;
-  const double left = allowed_travel() - most[0];
-  const double a_step = (1.25 * most[1] + length(scene.time.gravity) * dt) * dt;
+  const double a_step = (1.15 * most[1] + length(scene.time.gravity) * dt) * dt;
   constexpr double furthest = 64.0;
-  const double n = std::min({furthest, 2.0 * static_cast<double>(step - last_look) + 1.0,
-                             a_step > 0.0 ? std::floor(0.7 * left / a_step) : furthest});
-  last_look = step;
-  if (most[0] > 0.95 * allowed_travel() || n < 1.0) return true;
+  const double n = std::min({furthest, 2.0 * static_cast<double>(step - last_surprise) + 1.0,
+                             a_step > 0.0 ? std::floor(0.9 * (allowed_travel() - most[0]) / a_step) : furthest});
+  if (n < std::max(1.0, 0.125 * static_cast<double>(steps_since_rebuild))) return true;
   next_look = step + static_cast<std::uint64_t>(n);
   return false;
 }
@@ -316,6 +316,7 @@ void Simulation::Parts::after_rebuild() {
   is_list_old = false;
   travelled = 0.0;
   steps_since_rebuild = 0;
+  if (time() >= next_wall_change) last_surprise = step;
   next_wall_change = walls.next_change(time());
   place_at_rebuild.resize(static_cast<std::size_t>(particles.size()));
   parallel(n_threads, [&](int thread) {
@@ -548,7 +549,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
                        false}});
   if (!(image.domain == scene.domain.box()) || image.periodic != scene.domain.periodic)
     throw SceneError({{"domain", "is not the one that the checkpoint was written with", false}});
-  p.step = p.last_look = image.step;
+  p.step = p.last_surprise = image.step;
   const CensusTaker census = CensusTaker::from(image.accumulators);
   if (world.is_root()) p.census = census;  // once over all ranks
   p.n_born = census.n_born;
@@ -598,6 +599,7 @@ std::uint64_t Simulation::n_born() const { return parts_->n_born; }
 std::uint64_t Simulation::n_left() const { return parts_->n_left; }
 std::uint64_t Simulation::n_grains() const { return n_born() - n_left(); }
 std::uint64_t Simulation::n_rebuilds() const { return parts_->n_rebuilds; }
+std::uint64_t Simulation::n_looks() const { return parts_->n_looks; }
 double Simulation::memory() const {
   const Parts& p = *parts_;
   return static_cast<double>(p.particles.memory() + p.contacts->memory() +

@@ -53,6 +53,8 @@ class Simulation {
   std::uint64_t n_born() const;
   std::uint64_t n_left() const;
   std::uint64_t n_rebuilds() const;
+  /// How often the ranks have looked how far all grains have come: the steps that are not rebuilds but have a reduction.
+  std::uint64_t n_looks() const;
   /// Bytes that grains, pairs, wall contacts and cells of this rank hold now.
   double memory() const;
 

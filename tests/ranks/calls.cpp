@@ -1,0 +1,106 @@
+// Which calls of MPI a step makes, counted through its profiling interface: the functions below stand before the library's own.
+#define OMPI_SKIP_MPICXX 1  // the C++ bindings that were removed from the standard
+#include <mpi.h>
+
+#include <catch2/catch.hpp>
+
+#include "tests/ranks/ranks.hpp"
+#include "tests/support/flow_scenes.hpp"
+#include "engine/run/simulation.hpp"
+
+using namespace moraine;
+
+namespace {
+
+struct Calls {
+  int collectives = 0;  // blocking or not, barriers too
+  int messages = 0;     // sent by persistent requests
+  int others = 0;       // sent otherwise
+  int waits = 0;
+};
+Calls calls;
+
+}  // namespace
+
+extern "C" {
+int MPI_Allreduce(const void* s, void* r, int n, MPI_Datatype t, MPI_Op op, MPI_Comm c) {
+  ++calls.collectives;
+  return PMPI_Allreduce(s, r, n, t, op, c);
+}
+int MPI_Iallreduce(const void* s, void* r, int n, MPI_Datatype t, MPI_Op op, MPI_Comm c, MPI_Request* q) {
+  ++calls.collectives;
+  return PMPI_Iallreduce(s, r, n, t, op, c, q);
+}
+int MPI_Allgather(const void* s, int n, MPI_Datatype t, void* r, int m, MPI_Datatype u, MPI_Comm c) {
+  ++calls.collectives;
+  return PMPI_Allgather(s, n, t, r, m, u, c);
+}
+int MPI_Exscan(const void* s, void* r, int n, MPI_Datatype t, MPI_Op op, MPI_Comm c) {
+  ++calls.collectives;
+  return PMPI_Exscan(s, r, n, t, op, c);
+}
+int MPI_Bcast(void* b, int n, MPI_Datatype t, int root, MPI_Comm c) {
+  ++calls.collectives;
+  return PMPI_Bcast(b, n, t, root, c);
+}
+int MPI_Barrier(MPI_Comm c) {
+  ++calls.collectives;
+  return PMPI_Barrier(c);
+}
+int MPI_Ibarrier(MPI_Comm c, MPI_Request* q) {
+  ++calls.collectives;
+  return PMPI_Ibarrier(c, q);
+}
+int MPI_Send(const void* b, int n, MPI_Datatype t, int to, int tag, MPI_Comm c) {
+  ++calls.others;
+  return PMPI_Send(b, n, t, to, tag, c);
+}
+int MPI_Isend(const void* b, int n, MPI_Datatype t, int to, int tag, MPI_Comm c, MPI_Request* q) {
+  ++calls.others;
+  return PMPI_Isend(b, n, t, to, tag, c, q);
+}
+int MPI_Issend(const void* b, int n, MPI_Datatype t, int to, int tag, MPI_Comm c, MPI_Request* q) {
+  ++calls.others;
+  return PMPI_Issend(b, n, t, to, tag, c, q);
+}
+int MPI_Startall(int n, MPI_Request* q) {
+  calls.messages += n;
+  return PMPI_Startall(n, q);
+}
+int MPI_Waitall(int n, MPI_Request* q, MPI_Status* s) {
+  ++calls.waits;
+  return PMPI_Waitall(n, q, s);
+}
+}
+
+TEST_CASE("a plain step has no collective call: one message to and from each neighbour that has grains for it, and one wait") {
+  const World& all = ranks::world();
+  for (auto& [name, scene, n_steps] : scenes::all()) {
+    INFO(name);
+    Simulation simulation(scene, 1, all);
+    simulation.step();  // its ghosts are fresh from the start
+    int n_plain = 0, n_looks = 0, n_rebuilds = 0;
+    for (int i = 0; i < n_steps / 2; ++i) {
+      const std::uint64_t rebuilds = simulation.n_rebuilds(), looks = simulation.n_looks();
+      calls = {};
+      simulation.step();
+      if (simulation.n_rebuilds() != rebuilds) {
+        ++n_rebuilds;
+        REQUIRE(calls.collectives <= 16);
+        continue;
+      }
+      const bool is_look = simulation.n_looks() != looks;
+      ++(is_look ? n_looks : n_plain);
+      REQUIRE(calls.collectives == (is_look ? 1 : 0));
+      REQUIRE(calls.others == 0);
+      // Requests of both directions are started together, where the ghosts are not fresh from a rebuild.
+      const HaloCounts counts = simulation.halo_counts();
+      const bool has_messages = counts.n_messages + counts.n_received > 0;
+      REQUIRE(calls.messages == static_cast<int>(counts.n_messages + counts.n_received));
+      REQUIRE(calls.waits == (has_messages ? 1 : 0));
+    }
+      // Most steps are plain ones, even in flows as fast as these.
+    CHECK(n_plain > 3 * (n_looks + n_rebuilds));
+    CHECK(n_looks + n_rebuilds > 0);
+  }
+}
