@@ -33,8 +33,7 @@ struct Engine {
       : scene(bed_scene(deck, size)), walls(scene), dt(*scene.time.step) {
     put_grains(scene, make_grains(scene, 1), particles);
     const double r = particles.radius(0);
-    contacts = std::make_unique<Contacts>(scene, walls, GrainKind{true, particles.inverse_mass(0), r, r},
-                                          World());
+    contacts = std::make_unique<Contacts>(scene, walls, GrainKind{true, particles.inverse_mass(0), r, r}, World());
     kick.gain = kick.spin_gain = kick.drift = dt;
     kick.gravity = scene.time.gravity;
     contacts->rebuild(particles, Bed::skin, 0.0, n_threads);
@@ -53,8 +52,9 @@ struct Engine {
 void step(benchmark::State& state, const std::string& deck, Size size, int n_threads) {
   Engine engine(deck, size, n_threads);
   StepResult result;
-  measure(state, engine.work(n_threads),
-          [&] { engine.contacts->advance(engine.particles, engine.kick, engine.dt, engine.travelled, n_threads, result); });
+  measure(state, engine.work(n_threads), [&] {
+    engine.contacts->advance(engine.particles, engine.kick, engine.dt, engine.travelled, n_threads, result);
+  });
   state.counters["contacts"] = static_cast<double>(result.n_touching);
 }
 
@@ -66,7 +66,8 @@ void rebuild(benchmark::State& state, Size size, int n_threads) {
 
 void hash(benchmark::State& state, Size size) {
   Engine engine("bed.toml", size, 1);
-  measure(state, engine.work(1), [&] { benchmark::DoNotOptimize(state_hash(World(), engine.particles, *engine.contacts, 1)); });
+  measure(state, engine.work(1),
+          [&] { benchmark::DoNotOptimize(state_hash(World(), engine.particles, *engine.contacts, 1)); });
 }
 
 void exact_sum(benchmark::State& state, std::size_t n) {

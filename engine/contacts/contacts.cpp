@@ -64,8 +64,8 @@ void Contacts::restore(Particles& particles, PairCarry pairs, WallCarry walls, d
   build(particles, pairs, walls, leaving_grains(world_, subdomains_, particles), skin, time, n_threads);
 }
 
-void Contacts::build(Particles& particles, PairCarry& pairs, WallCarry& walls,
-                     std::span<const std::uint8_t> is_leaving, double skin, double time, int n_threads) {
+void Contacts::build(Particles& particles, PairCarry& pairs, WallCarry& walls, std::span<const std::uint8_t> is_leaving,
+                     double skin, double time, int n_threads) {
   std::array<bool, 3> wraps = periodic_;  // the directions in which this rank's grains meet their own images
   if (!world_.is_alone()) {
     n_migrated_ += migrate(world_, subdomains_, is_leaving, particles, pairs, walls, n_threads);

@@ -123,9 +123,7 @@ class Contacts {
   const Ghosts& ghosts() const { return ghosts_; }
   /// Grains that this rank has handed to others since the start.
   std::uint64_t n_migrated() const { return n_migrated_; }
-  std::size_t memory() const {
-    return pairs_.memory() + wall_contacts_.memory() + cells_.memory() + ghosts_.memory();
-  }
+  std::size_t memory() const { return pairs_.memory() + wall_contacts_.memory() + cells_.memory() + ghosts_.memory(); }
   const LawChoice& choice() const { return choice_; }
   const SceneLaws& laws() const { return laws_; }
 

@@ -40,8 +40,7 @@ void Ghosts::make(const World& world, const Subdomains& subdomains, Particles& p
   }
 
   const int rank = world.rank();
-  const std::vector<Subdomains::Near> near =
-      subdomains.near(rank, ghost_reach(largest_radius, largest_radius, skin));
+  const std::vector<Subdomains::Near> near = subdomains.near(rank, ghost_reach(largest_radius, largest_radius, skin));
   for (std::int32_t i = 0; i < particles.size(); ++i)
     for_each_needing(subdomains, rank, near, particles.position(i),
                      ghost_reach(particles.radius(i), largest_radius, skin),
@@ -80,8 +79,7 @@ void Ghosts::make(const World& world, const Subdomains& subdomains, Particles& p
 void Ghosts::find_copies(const Subdomains& subdomains, int rank, const Particles& particles, double largest_radius,
                          double skin) {
   std::array<int, 3> most{};
-  for (int axis = 0; axis < 3; ++axis)
-    most[at(axis)] = periodic_[at(axis)] && !subdomains.spans(rank, axis) ? 1 : 0;
+  for (int axis = 0; axis < 3; ++axis) most[at(axis)] = periodic_[at(axis)] && !subdomains.spans(rank, axis) ? 1 : 0;
   const Box& own = subdomains.box(rank);
   for (std::int32_t g = particles.size(); g < particles.dummy(); ++g) {
     const double reach = ghost_reach(particles.radius(g), largest_radius, skin);

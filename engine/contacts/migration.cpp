@@ -114,15 +114,17 @@ std::size_t migrate(const World& world, const Subdomains& subdomains, std::span<
   newcomers.resize(1);
   read_all([&](ParcelReader& reader) {
     get_grain(reader, false, newcomers, 0);
-    read_memory(reader, [](const PairCarry::Item&, double) {}, [](const WallCarry::Item&) {});
+    read_memory(
+        reader, [](const PairCarry::Item&, double) {}, [](const WallCarry::Item&) {});
     ++n_new;
   });
   particles.reorder(stayers, n_threads, n_new);
   auto place = static_cast<std::int32_t>(stayers.size());
   read_all([&](ParcelReader& reader) {
     get_grain(reader, false, particles, place++);
-    read_memory(reader, [&](const PairCarry::Item& item, double energy) { memory.add_pair(item, energy); },
-                [&](const WallCarry::Item& item) { memory.add_wall(item); });
+    read_memory(
+        reader, [&](const PairCarry::Item& item, double energy) { memory.add_pair(item, energy); },
+        [&](const WallCarry::Item& item) { memory.add_wall(item); });
     memory.end_grain();
   });
   pairs = std::move(memory.pairs);

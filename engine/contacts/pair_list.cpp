@@ -235,9 +235,8 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
     if (needs.has_species)
       mine.species[p] = needs.species_table[particles.material(i) * needs.n_materials + particles.material(j)];
     if (needs.has_history) {
-      const PairMemory memory =
-          carry.find({was_at[at(i)], particles.gid(i)},
-                     {particles.is_owned(j) ? was_at[at(j)] : -1, particles.gid(j)}, stored);
+      const PairMemory memory = carry.find({was_at[at(i)], particles.gid(i)},
+                                           {particles.is_owned(j) ? was_at[at(j)] : -1, particles.gid(j)}, stored);
       std::memcpy(mine.history.data() + 4 * p, &memory, sizeof(PairMemory));
     }
   };
@@ -441,9 +440,8 @@ PairCarry PairList::carry(const Particles& particles, std::span<const std::uint8
       if (is_leaving[at(first)] || is_leaving[at(second)])
         seconds.push_back({second, item_of(first, image, *memory), memory->energy});
     });
-  each_thread([&](std::int32_t a, std::int32_t b, std::uint8_t, const PairMemory&) {
-    ++carry.begin[at(std::min(a, b)) + 1];
-  });
+  each_thread(
+      [&](std::int32_t a, std::int32_t b, std::uint8_t, const PairMemory&) { ++carry.begin[at(std::min(a, b)) + 1]; });
   for (const Second& second : seconds) ++carry.begin[at(second.grain) + 1];
   for (std::size_t i = 0; i < at(particles.size()); ++i) carry.begin[i + 1] += carry.begin[i];
   carry.items.resize(carry.begin.back());
@@ -546,7 +544,8 @@ void PairList::follow_ghosts(const Particles& particles, std::span<const GhostEv
         if (ghost_is_b) energy.add(t.history[4 * at(k) + 3]);
         std::fill_n(t.history.data() + 4 * k, 4, 0.0);
       }
-      if (event->steps != std::array<int, 3>{}) t.image[at(k)] = image::shifted(t.image[at(k)], event->steps, ghost_is_b);
+      if (event->steps != std::array<int, 3>{})
+        t.image[at(k)] = image::shifted(t.image[at(k)], event->steps, ghost_is_b);
     }
   }
 }

@@ -38,9 +38,9 @@ inline constexpr int n_bands = 5;
 
 struct Tile {
   std::int32_t grain_begin = 0, grain_end = 0;
-  std::int64_t ring_begin = 0;  // pairs of the tile: first those whose slots go to the ring ...
+  std::int64_t ring_begin = 0;                         // pairs of the tile: first those whose slots go to the ring ...
   std::array<std::int64_t, n_bands - 1> band_begin{};  // (the nearest band begins at ring_begin)
-  std::int64_t kept_begin = 0;  // ... then those whose slots are kept
+  std::int64_t kept_begin = 0;                         // ... then those whose slots are kept
   std::int64_t pair_end = 0;
   std::uint32_t kept_slot = 0;                    // slot of the pair at kept_begin
   std::int64_t plain_begin = -1, plain_end = -1;  // grains that are not deferred, in ThreadPairs::plain; -1: all are
@@ -68,7 +68,7 @@ struct ThreadPairs {
 /// rank stands at one of them at least.
 struct PairCarry {
   struct Item {
-    double displacement[3];       // as in PairMemory
+    double displacement[3];         // as in PairMemory
     std::uint64_t other_and_image;  // gid of the other grain << 8 | image as stored: from the lower gid
   };
   static std::uint64_t key(std::uint64_t gid, std::uint8_t image) { return gid << 8 | image; }

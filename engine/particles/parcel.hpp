@@ -43,7 +43,8 @@ class ParcelReader {
   template <typename T>
   void get_all(std::span<T> values) {
     static_assert(std::is_trivially_copyable_v<T>);
-    if (values.size_bytes() > bytes_.size()) throw std::logic_error("a message between ranks is shorter than its content");
+    if (values.size_bytes() > bytes_.size())
+      throw std::logic_error("a message between ranks is shorter than its content");
     if (!values.empty()) std::memcpy(values.data(), bytes_.data(), values.size_bytes());
     bytes_ = bytes_.subspan(values.size_bytes());
   }

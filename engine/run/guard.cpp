@@ -150,12 +150,12 @@ std::string explain_start_overlap(const GuardView& view, const ContactReport& co
 
 std::string explain_stale_list(const GuardView& view, double travelled, double skin) {
   const std::int32_t fastest = fastest_grain(view.particles);
-  return head(view) + fmt::format(
-                          "a grain has moved {:.4g} m since the pair list was made, more than half its skin of {:.4g} m, "
-                          "before the ranks looked: it sped up all of a sudden{}; set run.skin = {:.4g} or wider",
-                          travelled, skin,
-                          fastest < 0 ? std::string() : " (the fastest is " + grain_text(view, fastest) + ")",
-                          4.0 * travelled);
+  return head(view) +
+         fmt::format(
+             "a grain has moved {:.4g} m since the pair list was made, more than half its skin of {:.4g} m, "
+             "before the ranks looked: it sped up all of a sudden{}; set run.skin = {:.4g} or wider",
+             travelled, skin, fastest < 0 ? std::string() : " (the fastest is " + grain_text(view, fastest) + ")",
+             4.0 * travelled);
 }
 
 }  // namespace moraine

@@ -60,8 +60,7 @@ template <typename Row, typename Target, typename Function>
 void each_target(const std::vector<Row>& rows, Target target, Function f) {
   for (std::size_t begin = 0, end; begin < rows.size(); begin = end) {
     const int rank = target(rows[begin]);
-    for (end = begin + 1; end < rows.size() && target(rows[end]) == rank; ++end) {
-    }
+    for (end = begin + 1; end < rows.size() && target(rows[end]) == rank; ++end) {}
     f(rank, begin, end);
   }
 }
@@ -112,9 +111,8 @@ class RowsByGid {
 };
 
 [[noreturn]] void fail_missing(std::uint64_t gid) {
-  throw SceneError({{"",
-                     "the checkpoint remembers a contact of grain " + std::to_string(gid) + ", which it does not hold",
-                     false}});
+  throw SceneError(
+      {{"", "the checkpoint remembers a contact of grain " + std::to_string(gid) + ", which it does not hold", false}});
 }
 
 PairCarry carry_of(const std::vector<PairHistory>& pairs, const RowsByGid& rows, std::size_t n, bool is_alone,
@@ -254,8 +252,10 @@ void share_out_rows(const World& world, std::uint64_t n_gids, Image& image) {
       return [&runs, section](int rank, std::size_t begin, std::size_t end) { runs[at(rank)][section] = {begin, end}; };
     };
     each_target(gids_of(image), target, note(0));
-    each_target(image.pairs, [&](const PairHistory& pair) { return target(pair.gid_low); }, note(1));
-    each_target(image.walls, [&](const WallHistory& wall) { return target(wall.gid); }, note(2));
+    each_target(
+        image.pairs, [&](const PairHistory& pair) { return target(pair.gid_low); }, note(1));
+    each_target(
+        image.walls, [&](const WallHistory& wall) { return target(wall.gid); }, note(2));
     for (int rank = 0; rank < world.size(); ++rank) {
       const auto size = [&](std::size_t section) {
         return runs[at(rank)][section].second - runs[at(rank)][section].first;

@@ -32,7 +32,7 @@ struct EnergyLedger {
 
 /// The energies at the present positions, given the velocities there; `initial` and `left` stay zero. `damping` is the bulk
 /// viscosity [1/s]. The same on every layout: all sums are exact. All ranks call it.
-EnergyLedger take_ledger(const World& world, const Particles& particles, const Contacts& contacts, const Contacts::Velocities& now,
-                         Vec3 gravity, double damping, double dt);
+EnergyLedger take_ledger(const World& world, const Particles& particles, const Contacts& contacts,
+                         const Contacts::Velocities& now, Vec3 gravity, double damping, double dt);
 
 }  // namespace moraine

@@ -102,8 +102,7 @@ std::vector<double> region(const ProbeView& view, const Probe& probe) {
   const double n = value[number], share = n > 0.0 ? 1.0 / n : 0.0;
   const Vec3 mean = share * Vec3{value[velocity_x], value[velocity_y], value[velocity_z]};
   const double temperature = std::max(0.0, share * value[square] - squared_length(mean)) / 3.0;
-  return {n,      value[volume] / probe.region.volume(), mean.x, mean.y, mean.z, temperature,
-          value[n_ends] * share};
+  return {n, value[volume] / probe.region.volume(), mean.x, mean.y, mean.z, temperature, value[n_ends] * share};
 }
 
 std::vector<double> profile(const ProbeView& view, const Probe& probe) {
@@ -118,8 +117,7 @@ std::vector<double> profile(const ProbeView& view, const Probe& probe) {
     ExactSum* const own = &sums[bin * width];
     own[number].add(1.0);
     own[volume].add(sphere_volume(p.radius(i)));
-    for (int axis = 0; axis < 3; ++axis)
-      own[velocity_x + static_cast<std::size_t>(axis)].add(p.velocity(i)[axis]);
+    for (int axis = 0; axis < 3; ++axis) own[velocity_x + static_cast<std::size_t>(axis)].add(p.velocity(i)[axis]);
   }
   total(view.world, sums);
   const std::vector<double> values = values_of(sums);

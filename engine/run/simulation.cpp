@@ -92,7 +92,7 @@ struct Simulation::Parts {
 
   std::uint64_t step = 0;
   double dt = 0.0;
-  CensusTaker census;  // of this rank
+  CensusTaker census;                    // of this rank
   std::uint64_t n_born = 0, n_left = 0;  // of all ranks, when they last counted
   double energy_initial = 0.0;
   bool has_energy_initial = false;
@@ -233,8 +233,7 @@ void Simulation::Parts::choose_skin() {
   if (scene.run.skin <= 0.0 && n_rebuilds > 1 && steps_since_rebuild > 0) {
     const double diameter = mean_diameter();
     const double wanted = std::sqrt(4.0 * diameter / (static_cast<double>(steps_since_rebuild) * skin));
-    skin = std::clamp(skin * std::clamp(wanted, 0.7, 1.4), 0.01 * diameter,
-                      moraine::widest_skin(scene, plan));
+    skin = std::clamp(skin * std::clamp(wanted, 0.7, 1.4), 0.01 * diameter, moraine::widest_skin(scene, plan));
   }
   const double widest = widest_skin();
   if (!(widest > 1e-6 * kind.largest_radius) && kind.largest_radius > 0.0)
@@ -386,8 +385,7 @@ void Simulation::Parts::remove(std::int32_t i) {
                            mass * dot(scene.time.gravity, particles.position(i)));
     if (scene.contact.rotation)
       census.energy_left.add(0.5 / particles.inverse_inertia(i) * squared_length(particles.angular_velocity(i)));
-    for (int k = 0; k < 4; ++k)
-      census.energy_left.add(particles.dissipated()[4 * static_cast<std::ptrdiff_t>(i) + k]);
+    for (int k = 0; k < 4; ++k) census.energy_left.add(particles.dissipated()[4 * static_cast<std::ptrdiff_t>(i) + k]);
   }
   for (int c = 0; c < 3; ++c) {
     particles.set_real(Field::position, i, c, std::numeric_limits<double>::quiet_NaN());
@@ -680,7 +678,7 @@ std::vector<double> Simulation::probe_row(std::size_t probe) {
   std::optional<EnergyLedger> ledger;
   if (p.scene.output.energy && wanted.kind == Probe::Kind::energy) ledger = p.energy();
   const CensusTaker all = p.full_census();
-  const ProbeView view{p.world, p.scene, p.walls, p.particles, *p.contacts, p.dt, ledger ? &*ledger : nullptr,
+  const ProbeView view{p.world,      p.scene, p.walls, p.particles, *p.contacts, p.dt, ledger ? &*ledger : nullptr,
                        all.census(), p.time()};
   return moraine::probe_row(view, wanted, p.probe_memory[probe]);
 }

@@ -4,9 +4,9 @@
 
 #include <catch2/catch.hpp>
 
+#include "engine/run/simulation.hpp"
 #include "tests/ranks/ranks.hpp"
 #include "tests/support/flow_scenes.hpp"
-#include "engine/run/simulation.hpp"
 
 using namespace moraine;
 
@@ -73,7 +73,9 @@ int MPI_Waitall(int n, MPI_Request* q, MPI_Status* s) {
 }
 }
 
-TEST_CASE("a plain step has no collective call: one message to and from each neighbour that has grains for it, and one wait") {
+TEST_CASE(
+    "a plain step has no collective call: one message to and from each neighbour that has grains for it, and one "
+    "wait") {
   const World& all = ranks::world();
   for (auto& [name, scene, n_steps] : scenes::all()) {
     INFO(name);
@@ -99,7 +101,7 @@ TEST_CASE("a plain step has no collective call: one message to and from each nei
       REQUIRE(calls.messages == static_cast<int>(counts.n_messages + counts.n_received));
       REQUIRE(calls.waits == (has_messages ? 1 : 0));
     }
-      // Most steps are plain ones, even in flows as fast as these.
+    // Most steps are plain ones, even in flows as fast as these.
     CHECK(n_plain > 3 * (n_looks + n_rebuilds));
     CHECK(n_looks + n_rebuilds > 0);
   }

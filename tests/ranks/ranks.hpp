@@ -96,7 +96,8 @@ inline Image spread(const Image& image, const World& world) {
   const auto n_ranks = static_cast<std::size_t>(world.size() > 2 ? world.size() - 1 : world.size());
   each_table(part, [&](auto& values, int components) {
     const std::size_t width = static_cast<std::size_t>(components), n = values.size() / width;
-    const std::size_t begin = rank < n_ranks ? n * rank / n_ranks : n, end = rank < n_ranks ? n * (rank + 1) / n_ranks : n;
+    const std::size_t begin = rank < n_ranks ? n * rank / n_ranks : n,
+                      end = rank < n_ranks ? n * (rank + 1) / n_ranks : n;
     values = std::decay_t<decltype(values)>(values.begin() + static_cast<std::ptrdiff_t>(begin * width),
                                             values.begin() + static_cast<std::ptrdiff_t>(end * width));
   });
