@@ -22,13 +22,13 @@ std::string name_of(const char* scene, const Layout& layout) {
   return std::string(scene) + " on " + std::to_string(layout.ranks) + "x" + std::to_string(layout.threads);
 }
 
-}  // namespace
-
-TEST_CASE("a scene gives the same hashes, probes and energies on any ranks and threads") {
+/// Runs every scene on every layout, `lengthened` times as long as it is worth watching (at least 20,000 steps where that is more than once).
+void compare_layouts(int lengthened) {
   const World& all = ranks::world();
-  std::uint64_t n_migrated = 0;
-  for (auto& [name, scene, n_steps] : scenes::all()) {
+  std::uint64_t n_migrated = 0, n_moved_cuts = 0;
+  for (auto& [name, scene, n_watched] : scenes::all()) {
     scene.output.energy = true;
+    const int n_steps = lengthened > 1 ? std::max(20000, lengthened * n_watched) : n_watched;
     // Each rank runs the reference by itself, so that each can compare.
     const std::vector<trace::Moment> alone = trace::record(scene, 1, n_steps, every);
     for (const Layout& layout : layouts) {
@@ -39,11 +39,20 @@ TEST_CASE("a scene gives the same hashes, probes and energies on any ranks and t
       Simulation simulation(scene, layout.threads, *world);
       CHECK(trace::difference(alone, trace::record(simulation, n_steps, every)) == "");
       n_migrated += simulation.n_migrated();
+      n_moved_cuts += simulation.n_cuts() - (layout.ranks > 1 ? 1 : 0);
     }
   }
   all.sum(std::span(&n_migrated, 1));
+  all.sum(std::span(&n_moved_cuts, 1));
   CHECK((all.size() == 1 || n_migrated > 1000));
+  CHECK((all.size() == 1 || n_moved_cuts > 10));
 }
+
+}  // namespace
+
+TEST_CASE("a scene gives the same hashes, probes and energies on any ranks and threads") { compare_layouts(1); }
+
+TEST_CASE("so does it over 20,000 steps", "[.long]") { compare_layouts(5); }
 
 TEST_CASE("a run restored on other ranks and threads is the unbroken run, bit by bit") {
   const World& all = ranks::world();
