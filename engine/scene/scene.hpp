@@ -214,6 +214,7 @@ struct Output {
   double snapshot_interval = 0.0;    // [s]; 0: none but the last
   double checkpoint_interval = 0.0;  // [s] of simulated time; 0: only at the end and on signals
   int checkpoints_kept = 2;
+  bool distributed = false;  // snapshots and checkpoints: a file per rank, and one in front that shows their rows
   std::vector<std::string> fields;  // of snapshots; empty: all that travel
   bool energy = false;              // keep the energy ledger
   std::vector<Probe> probes;

@@ -6,7 +6,8 @@
 #include <string_view>
 #include <utility>
 
-#include "io/checkpoint/image_file.hpp"
+#include "io/checkpoint/agreement.hpp"
+#include "io/checkpoint/rank_files.hpp"
 
 namespace moraine {
 
@@ -18,24 +19,36 @@ constexpr std::string_view prefix = "checkpoint_";
 constexpr std::string_view suffix = ".h5";
 const std::vector<std::string> kinds = {"checkpoint"};
 
-}  // namespace
-
-void write_checkpoint(const fs::path& path, const Image& image, const RunRecord& record) {
-  Hdf5Writer file(path, kinds[0], header_size(image, 1));
-  file.attribute("version", record.version);
-  file.attribute("commit", record.commit);
-  file.text("scene", record.scene);
-  write_grains(file, image);
-  write_history(file, image);
-  file.close();
+/// What the root sees, at all ranks.
+std::vector<fs::path> agreed_checkpoints(const fs::path& run_directory, const World& world) {
+  if (world.is_alone()) return list_checkpoints(run_directory);
+  std::string names;
+  if (world.is_root())
+    for (const fs::path& path : list_checkpoints(run_directory)) names += path.filename().string() + '/';
+  world.broadcast(names);
+  std::vector<fs::path> paths;
+  for (std::size_t at = 0, end; at < names.size(); at = end + 1) {
+    end = names.find('/', at);
+    paths.push_back(checkpoint_directory(run_directory) / names.substr(at, end - at));
+  }
+  return paths;
 }
 
-Checkpoint read_checkpoint(const fs::path& path) {
-  const Hdf5Reader file(path, kinds, true);
+}  // namespace
+
+void write_checkpoint(const fs::path& path, const Image& image, const RunRecord& record, const World& world,
+                      bool distributed) {
+  write_image(path, image, &record, world, distributed);
+}
+
+Checkpoint read_checkpoint(const fs::path& path, const World& world) {
+  const Hdf5Reader file(path, kinds, true, world);
   Checkpoint checkpoint;
-  checkpoint.record = {file.text("scene"), file.text_attribute("version"), file.text_attribute("commit")};
-  checkpoint.image = read_grains(file);
-  read_history(file, checkpoint.image);
+  agree(world, path, [&] {
+    checkpoint.record = read_record(file);
+    checkpoint.image = read_grains(file, world);
+    read_history(file, checkpoint.image, world);
+  });
   return checkpoint;
 }
 
@@ -69,11 +82,11 @@ std::vector<fs::path> list_checkpoints(const fs::path& run_directory) {
   return found;
 }
 
-std::optional<LatestCheckpoint> find_latest_checkpoint(const fs::path& run_directory) {
+std::optional<LatestCheckpoint> find_latest_checkpoint(const fs::path& run_directory, const World& world) {
   LatestCheckpoint latest;
-  for (const fs::path& path : list_checkpoints(run_directory)) {
+  for (const fs::path& path : agreed_checkpoints(run_directory, world)) {
     try {
-      latest.checkpoint = read_checkpoint(path);
+      latest.checkpoint = read_checkpoint(path, world);
       latest.path = path;
       return latest;
     } catch (const StorageError& error) {
@@ -88,11 +101,11 @@ std::optional<LatestCheckpoint> find_latest_checkpoint(const fs::path& run_direc
 
 void remove_old_checkpoints(const fs::path& run_directory, int n_kept) {
   const std::vector<fs::path> found = list_checkpoints(run_directory);
-  std::error_code error;
   for (std::size_t i = static_cast<std::size_t>(std::max(n_kept, 1)); i < found.size(); ++i)
-    if (!fs::remove(found[i], error) && error)
-      throw StorageError(found[i], "cannot be removed: " + explain_errno(error.value()));
+    remove_with_rank_files(found[i]);
+  remove_all_stale_rank_files(checkpoint_directory(run_directory));
   std::vector<fs::path> left_over;
+  std::error_code error;
   for (fs::directory_iterator entry(checkpoint_directory(run_directory), error), end; !error && entry != end;
        entry.increment(error))
     if (entry->path().extension() == ".tmp") left_over.push_back(entry->path());

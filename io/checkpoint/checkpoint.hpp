@@ -7,30 +7,29 @@
 #include <string>
 #include <vector>
 
+#include "comm/world.hpp"
 #include "engine/run/image.hpp"
 #include "io/checkpoint/durable_file.hpp"
+#include "io/checkpoint/image_file.hpp"
 
 namespace moraine {
-
-/// Where a checkpoint comes from.
-struct RunRecord {
-  std::string scene;    // the scene file as run, overrides applied
-  std::string version;  // of the program
-  std::string commit;   // of its source
-};
 
 struct Checkpoint {
   Image image;
   RunRecord record;
 };
 
-/// Writes a checkpoint beside the old file, synced, then renamed: after a crash or a full disk PATH holds the old one or the
-/// new one, whole. Throws StorageError.
-void write_checkpoint(const std::filesystem::path& path, const Image& image, const RunRecord& record);
+/// Writes a checkpoint beside the old file, synced, then renamed: after a crash or a full disk PATH holds the old one
+/// or the new one, whole. Each rank gives consecutive rows of the image; the file is the same, byte for byte, for any
+/// number of ranks. `distributed`: each rank writes a file of its own beside PATH, which shows their rows as its own
+/// (see rank_files.hpp). All ranks call it; throws StorageError, the same on all.
+void write_checkpoint(const std::filesystem::path& path, const Image& image, const RunRecord& record,
+                      const World& world = {}, bool distributed = false);
 
-/// Throws StorageError that names the file and what is wrong: missing, not a checkpoint, a newer format, cut short, or damaged (and
-/// which part of it).
-Checkpoint read_checkpoint(const std::filesystem::path& path);
+/// Each rank gets an equal share of the rows: of grains, of pairs, of walls. Any number of ranks reads any file. All
+/// ranks call it; throws StorageError, the same on all, that names the file and what is wrong: missing, not a
+/// checkpoint, a newer format, cut short, or damaged (and which part of it).
+Checkpoint read_checkpoint(const std::filesystem::path& path, const World& world = {});
 
 /// checkpoint_000000012000.h5
 std::string checkpoint_name(std::uint64_t step);
@@ -47,10 +46,13 @@ struct LatestCheckpoint {
   std::vector<std::string> warnings;  // one for each later checkpoint that is damaged: its name, what is wrong
 };
 
-/// The newest sound checkpoint of a run; nothing where the run has none. Throws StorageError where it has some and all are damaged.
-std::optional<LatestCheckpoint> find_latest_checkpoint(const std::filesystem::path& run_directory);
+/// The newest sound checkpoint of a run, as read_checkpoint() gives it; nothing where the run has none. The root looks,
+/// all ranks call it. Throws StorageError, the same on all, where the run has checkpoints and all are damaged.
+std::optional<LatestCheckpoint> find_latest_checkpoint(const std::filesystem::path& run_directory,
+                                                       const World& world = {});
 
-/// Removes all but the `n_kept` (at least 1) latest checkpoints, and what interrupted writes left. Throws StorageError.
+/// Removes all but the `n_kept` (at least 1) latest checkpoints, with the files of their ranks, and what interrupted
+/// writes left. One process calls it. Throws StorageError.
 void remove_old_checkpoints(const std::filesystem::path& run_directory, int n_kept);
 
 /// The folder of a run directory that holds its checkpoints.

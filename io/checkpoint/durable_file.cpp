@@ -78,6 +78,15 @@ void FileHandle::resize(std::uint64_t size) {
     throw StorageError(path_, "cannot be cut to its length: " + explain_errno(errno));
 }
 
+void FileHandle::reserve(std::uint64_t size) {
+  int result = 0;
+  do result = ::fallocate(descriptor_, 0, 0, static_cast<off_t>(size));
+  while (result != 0 && errno == EINTR);
+  // Some file systems cannot promise room: there the writes themselves will tell.
+  if (result != 0 && errno != EOPNOTSUPP && errno != ENOSYS)
+    throw StorageError(path_, "cannot be written: " + explain_errno(errno));
+}
+
 void FileHandle::sync() {
   if (::fsync(descriptor_) != 0) throw StorageError(path_, "cannot be written to the disk: " + explain_errno(errno));
 }
@@ -105,11 +114,13 @@ void sync_directory(const fs::path& directory) {
     throw StorageError(place, "cannot be written to the disk: " + explain_errno(error));
 }
 
-void take_place(const fs::path& path) {
-  if (std::rename(temporary_name(path).c_str(), path.c_str()) != 0)
+void move_to(const fs::path& written, const fs::path& path) {
+  if (std::rename(written.c_str(), path.c_str()) != 0)
     throw StorageError(path, "cannot be replaced: " + explain_errno(errno));
   sync_directory(path.parent_path());
 }
+
+void take_place(const fs::path& path) { move_to(temporary_name(path), path); }
 
 void write_file(const fs::path& path, std::string_view text) {
   const fs::path temporary = temporary_name(path);

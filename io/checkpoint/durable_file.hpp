@@ -1,6 +1,8 @@
 // Files that are either whole or not there: written beside their place, synced, renamed.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
 #include <filesystem>
 #include <stdexcept>
 #include <string>
@@ -10,9 +12,10 @@ namespace moraine {
 
 /// A file cannot be read or written. `what()` starts with the file's name and says what is wrong with it.
 struct StorageError : std::runtime_error {
-  StorageError(const std::filesystem::path& file, const std::string& problem)
-      : std::runtime_error(file.string() + ": " + problem), path(file) {}
+  StorageError(const std::filesystem::path& file, const std::string& what_is_wrong)
+      : std::runtime_error(file.string() + ": " + what_is_wrong), path(file), problem(what_is_wrong) {}
   std::filesystem::path path;
+  std::string problem;
 };
 
 /// The meaning of an errno, with the cure where there is a usual one ("no space left on the disk").
@@ -33,6 +36,8 @@ class FileHandle {
   /// Writes all n bytes, or throws.
   void write(const void* from, std::size_t n, std::uint64_t offset);
   void resize(std::uint64_t size);
+  /// Makes sure of the disk's room for the first `size` bytes, where the file system can promise it.
+  void reserve(std::uint64_t size);
   void sync();
   /// Closes and reports what the system held back until now.
   void close();
@@ -47,6 +52,10 @@ std::filesystem::path temporary_name(const std::filesystem::path& path);
 
 /// Makes the entry of a directory durable. Throws StorageError.
 void sync_directory(const std::filesystem::path& directory);
+
+/// Gives a written and synced file its name and syncs the directory. Throws StorageError in the name of `path`, which
+/// is then as it was.
+void move_to(const std::filesystem::path& written, const std::filesystem::path& path);
 
 /// Moves a written and synced PATH.tmp to PATH and syncs the directory. Throws StorageError; PATH is then as it was.
 void take_place(const std::filesystem::path& path);

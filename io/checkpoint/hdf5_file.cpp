@@ -2,13 +2,18 @@
 
 #include <fcntl.h>
 #include <hdf5.h>
-#include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
+#include <limits>
+#include <numeric>
+#include <optional>
 #include <utility>
 
+#include "io/checkpoint/agreement.hpp"
 #include "io/checkpoint/durable_file.hpp"
+#include "io/files/mpi_handle.hpp"
 
 namespace moraine {
 
@@ -22,7 +27,11 @@ class Id {
   using Closer = herr_t (*)(hid_t);
   Id(hid_t id, Closer closer) : id_(id), closer_(closer) {}
   Id(Id&& other) noexcept : id_(std::exchange(other.id_, H5I_INVALID_HID)), closer_(other.closer_) {}
-  Id& operator=(Id&&) = delete;
+  Id& operator=(Id&& other) noexcept {
+    std::swap(id_, other.id_);
+    std::swap(closer_, other.closer_);
+    return *this;
+  }
   ~Id() {
     if (id_ >= 0) closer_(id_);
   }
@@ -85,22 +94,51 @@ Id file_access() {
   return access;
 }
 
+constexpr std::size_t block_rows = 65536;
+
+hid_t type_in_file(FieldType type) {
+  switch (type) {
+    case FieldType::real: return H5T_IEEE_F64LE;
+    case FieldType::gid: return H5T_STD_U64LE;
+    default: return H5T_STD_U16LE;
+  }
+}
+
+hid_t type_in_memory(FieldType type) {
+  switch (type) {
+    case FieldType::real: return H5T_NATIVE_DOUBLE;
+    case FieldType::gid: return H5T_NATIVE_UINT64;
+    default: return H5T_NATIVE_UINT16;
+  }
+}
+
+std::vector<hsize_t> shape_of(const ColumnForm& form, std::uint64_t n_rows) {
+  std::vector<hsize_t> shape{n_rows};
+  if (form.components > 1) shape.push_back(static_cast<hsize_t>(form.components));
+  return shape;
+}
+
+Id simple_space(const std::vector<hsize_t>& shape) {
+  return {H5Screate_simple(static_cast<int>(shape.size()), shape.data(), nullptr), &H5Sclose};
+}
+
+/// Selects rows of a column; none for n = 0.
+bool select_rows(hid_t space, const ColumnForm& form, std::uint64_t first, std::uint64_t n) {
+  if (n == 0) return H5Sselect_none(space) >= 0;
+  const hsize_t start[2] = {first, 0}, count[2] = {n, static_cast<hsize_t>(form.components)};
+  return H5Sselect_hyperslab(space, H5S_SELECT_SET, start, nullptr, count, nullptr) >= 0;
+}
+
 }  // namespace
 
 struct Hdf5Writer::File {
+  fs::path written;
   fs::path path;
-  fs::path temporary;
-  std::string kind;
-  std::uint64_t header_bytes;
   Id id{H5I_INVALID_HID, &H5Fclose};
-  std::vector<FilePart> parts;
+  std::vector<WrittenPart> parts;
 
-  File(const fs::path& path_, std::string kind_, std::uint64_t header_bytes_, hid_t opened)
-      : path(path_),
-        temporary(temporary_name(path_)),
-        kind(std::move(kind_)),
-        header_bytes(header_bytes_),
-        id(opened, &H5Fclose) {}
+  File(const fs::path& written_, const fs::path& path_, hid_t opened)
+      : written(written_), path(path_), id(opened, &H5Fclose) {}
 
   [[noreturn]] void fail(const std::string& doing) const {
     throw StorageError(path, "cannot be written (" + doing + "): " + hdf5_reason());
@@ -109,22 +147,12 @@ struct Hdf5Writer::File {
     if (!is_good) fail(doing);
   }
 
-  int descriptor() const {
-    void* handle = nullptr;
-    if (H5Fget_vfd_handle(id, H5P_DEFAULT, &handle) < 0 || handle == nullptr) return -1;
-    return *static_cast<int*>(handle);
-  }
-
   /// Gives up. A full disk would make the library fail to close, and then again at exit, so the file is emptied first.
   void abandon() {
-    if (id >= 0) {
-      const int fd = descriptor();
-      if (fd >= 0 && ::ftruncate(fd, 0) != 0) { /* nothing more can be done */
-      }
-      id.close();
-    }
     std::error_code ignored;
-    fs::remove(temporary, ignored);
+    fs::resize_file(written, 0, ignored);
+    if (id >= 0) id.close();
+    fs::remove(written, ignored);
   }
 
   void make_groups(const std::string& name) {
@@ -153,71 +181,100 @@ struct Hdf5Writer::File {
     write_attribute(object, name, type, type, 1, &text);
   }
 
-  void write_dataset(const std::string& name, hid_t file_type, hid_t memory_type, const std::vector<hsize_t>& shape,
-                     const void* values, std::size_t bytes, const std::string& unit) {
+  Id make_dataset(const std::string& name, hid_t type, hid_t space, hid_t creation) {
     make_groups(name);
-    const int rank = static_cast<int>(shape.size());
-    const Id space(rank == 0 ? H5Screate(H5S_SCALAR) : H5Screate_simple(rank, shape.data(), nullptr), &H5Sclose);
-    const Id creation(H5Pcreate(H5P_DATASET_CREATE), &H5Pclose);
-    check(H5Pset_obj_track_times(creation, false) >= 0 && H5Pset_alloc_time(creation, H5D_ALLOC_TIME_EARLY) >= 0 &&
-              H5Pset_fill_time(creation, H5D_FILL_TIME_NEVER) >= 0,
-          name);
-    Id set(H5Dcreate2(id, name.c_str(), file_type, space, H5P_DEFAULT, creation, H5P_DEFAULT), &H5Dclose);
+    check(H5Pset_obj_track_times(creation, false) >= 0, name);
+    Id set(H5Dcreate2(id, name.c_str(), type, space, H5P_DEFAULT, creation, H5P_DEFAULT), &H5Dclose);
     check(set >= 0, name);
+    return set;
+  }
+
+  /// In one piece, its place in the file known at once.
+  Id make_plain_dataset(const std::string& name, hid_t type, hid_t space) {
+    const Id creation(H5Pcreate(H5P_DATASET_CREATE), &H5Pclose);
+    check(
+        H5Pset_alloc_time(creation, H5D_ALLOC_TIME_EARLY) >= 0 && H5Pset_fill_time(creation, H5D_FILL_TIME_NEVER) >= 0,
+        name);
+    return make_dataset(name, type, space, creation);
+  }
+
+  /// H5Dget_offset counts from the start of the file, the user block included.
+  void add_part(const std::string& name, hid_t set, std::vector<Slice> slices) {
+    const haddr_t offset = H5Dget_offset(set);
+    check(offset != HADDR_UNDEF, name);
+    parts.push_back({name, offset, std::move(slices)});
+  }
+
+  void write_dataset(const std::string& name, hid_t file_type, hid_t memory_type, hid_t space, const void* values,
+                     std::size_t bytes) {
+    Id set = make_plain_dataset(name, file_type, space);
     if (bytes > 0) {
       check(H5Dwrite(set, memory_type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) >= 0, name);
-      const haddr_t offset = H5Dget_offset(set);
-      check(offset != HADDR_UNDEF, name);
-      // H5Dget_offset counts from the start of the file, the user block included.
-      parts.push_back({name, offset, bytes, hash_bytes(values, bytes)});
+      add_part(name, set, {{bytes, hash_bytes(values, bytes)}});
     }
-    if (!unit.empty()) write_text_attribute(set, "unit", unit);
     check(set.close(), name);
+  }
+
+  void finish_column(const ColumnForm& form, Id set) {
+    if (!form.unit.empty()) write_text_attribute(set, "unit", form.unit);
+    check(set.close(), form.name);
   }
 };
 
-Hdf5Writer::Hdf5Writer(const fs::path& path, std::string kind, std::uint64_t header_bytes) {
+namespace {
+
+/// Tries without the library whether a file can be made in this place: the library's messages are long and name another
+/// file, and it cannot close a file that it cannot write, and tries again when the process ends.
+void try_file(const fs::path& written, const fs::path& path, std::uint64_t bytes) {
+  try {
+    FileHandle file(written, O_WRONLY | O_CREAT | O_TRUNC, path);
+    file.reserve(bytes);
+    file.close();
+  } catch (...) {
+    std::error_code ignored;
+    fs::remove(written, ignored);
+    throw;
+  }
+}
+
+}  // namespace
+
+Hdf5Writer::Hdf5Writer(const fs::path& written, const fs::path& path, std::uint64_t header_bytes, std::uint64_t room) {
   quieten();
-  // Opened once without the library, whose messages for a missing or unwritable directory are long and name PATH.tmp.
-  FileHandle(temporary_name(path), O_WRONLY | O_CREAT | O_TRUNC, path).close();
+  constexpr std::uint64_t for_empty_file = 65536;
+  try_file(written, path, header_bytes + for_empty_file);
   const Id creation(H5Pcreate(H5P_FILE_CREATE), &H5Pclose);
   H5Pset_userblock(creation, header_bytes);
   H5Pset_obj_track_times(creation, false);
   const Id access = file_access();
-  const hid_t opened = H5Fcreate(temporary_name(path).c_str(), H5F_ACC_TRUNC, creation, access);
-  file_ = std::make_unique<File>(path, std::move(kind), header_bytes, opened);
-  if (opened < 0) {
+  const hid_t opened = H5Fcreate(written.c_str(), H5F_ACC_TRUNC, creation, access);
+  const std::string reason = opened < 0 ? hdf5_reason() : std::string();
+  file_ = std::make_unique<File>(written, path, opened);
+  try {
+    if (opened < 0) throw StorageError(path, "cannot be written (new file): " + reason);
+    FileHandle handle(written, O_RDWR, path);
+    handle.reserve(room);
+    handle.close();
+  } catch (...) {
     file_->abandon();
-    file_->fail("new file");
+    throw;
   }
-  attribute("kind", file_->kind);
-  attribute("format", static_cast<std::uint64_t>(file_format));
 }
 
 Hdf5Writer::~Hdf5Writer() {
   if (file_) file_->abandon();
 }
 
-void Hdf5Writer::dataset(const std::string& name, std::span<const double> values, int components,
-                         const std::string& unit) {
-  const auto width = static_cast<hsize_t>(components);
-  std::vector<hsize_t> shape{values.size() / width};
-  if (components > 1) shape.push_back(width);
-  file_->write_dataset(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, shape, values.data(), values.size_bytes(), unit);
-}
-
-void Hdf5Writer::dataset(const std::string& name, std::span<const std::uint64_t> values) {
-  file_->write_dataset(name, H5T_STD_U64LE, H5T_NATIVE_UINT64, {values.size()}, values.data(), values.size_bytes(), {});
-}
-
-void Hdf5Writer::dataset(const std::string& name, std::span<const std::uint16_t> values) {
-  file_->write_dataset(name, H5T_STD_U16LE, H5T_NATIVE_UINT16, {values.size()}, values.data(), values.size_bytes(), {});
+void Hdf5Writer::dataset(const std::string& name, std::span<const double> values) {
+  const Id space = simple_space({values.size()});
+  file_->write_dataset(name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, space, values.data(), values.size_bytes());
 }
 
 void Hdf5Writer::text(const std::string& name, const std::string& value) {
   const Id type = string_type(value.size());
+  const Id space(H5Screate(H5S_SCALAR), &H5Sclose);
   const std::string padded = value.empty() ? std::string(1, '\0') : value;
-  file_->write_dataset(name, type, type, {}, padded.data(), padded.size(), {});
+  file_->write_dataset(name, type, type, space, padded.data(), padded.size());
 }
 
 void Hdf5Writer::attribute(const std::string& name, const std::string& value) {
@@ -236,18 +293,174 @@ void Hdf5Writer::attribute(const std::string& name, const std::array<double, 3>&
   file_->write_attribute(file_->id, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, value.data());
 }
 
-void Hdf5Writer::close() {
+void Hdf5Writer::column(const ColumnForm& form, std::uint64_t n_rows) {
+  const Id space = simple_space(shape_of(form, n_rows));
+  Id set = file_->make_plain_dataset(form.name, type_in_file(form.type), space);
+  if (n_rows > 0) file_->add_part(form.name, set, {});
+  file_->finish_column(form, std::move(set));
+}
+
+void Hdf5Writer::column_of_files(const ColumnForm& form, const std::vector<std::string>& files,
+                                 const std::vector<std::uint64_t>& rows) {
+  const std::uint64_t n_rows = std::accumulate(rows.begin(), rows.end(), std::uint64_t{0});
+  if (n_rows == 0) return column(form, 0);
+  const Id creation(H5Pcreate(H5P_DATASET_CREATE), &H5Pclose);
+  // What other tools see of rows whose file is missing: no number, or the largest one, rather than a plausible zero.
+  const double no_number = std::numeric_limits<double>::quiet_NaN();
+  const std::uint64_t no_index = ~std::uint64_t{0};
+  const void* fill = form.type == FieldType::real ? static_cast<const void*>(&no_number) : &no_index;
+  file_->check(H5Pset_fill_value(creation, type_in_memory(form.type), fill) >= 0, form.name);
+  const Id space = simple_space(shape_of(form, n_rows));
+  std::uint64_t first = 0;
+  for (std::size_t i = 0; i < files.size(); first += rows[i++]) {
+    if (rows[i] == 0) continue;
+    std::string name;  // the library would take a percent sign for a place holder
+    for (const char c : files[i]) name += c == '%' ? std::string("%%") : std::string(1, c);
+    const Id rows_there = simple_space(shape_of(form, rows[i]));
+    file_->check(select_rows(space, form, first, rows[i]) &&
+                     H5Pset_virtual(creation, space, name.c_str(), form.name.c_str(), rows_there) >= 0,
+                 form.name);
+  }
+  H5Sselect_all(space);
+  file_->finish_column(form, file_->make_dataset(form.name, type_in_file(form.type), space, creation));
+}
+
+std::vector<WrittenPart> Hdf5Writer::close() {
   // Flushed before it is closed: after a failed flush the file can still be emptied and closed, after a failed close it cannot.
   file_->check(H5Fflush(file_->id, H5F_SCOPE_GLOBAL) >= 0, "flush");
+  hsize_t bytes = 0;
+  file_->check(H5Fget_filesize(file_->id, &bytes) >= 0, "flush");
   file_->check(file_->id.close(), "close");
-  seal_file(file_->temporary, file_->path, file_->kind, file_->header_bytes, file_->parts);
-  take_place(file_->path);
+  FileHandle handle(file_->written, O_RDWR, file_->path);
+  handle.resize(bytes);  // less than was reserved
+  handle.reserve(bytes);
+  handle.close();
+  std::vector<WrittenPart> parts = std::move(file_->parts);
   file_.reset();
+  return parts;
+}
+
+std::uint64_t Spread::total() const { return std::accumulate(rows.begin(), rows.end(), std::uint64_t{0}); }
+
+std::uint64_t Spread::before(int rank) const {
+  return std::accumulate(rows.begin(), rows.begin() + rank, std::uint64_t{0});
+}
+
+std::vector<Spread> spread_of(const std::vector<Table>& tables, const World& world) {
+  std::vector<Spread> spread;
+  for (const Table& table : tables) spread.push_back({world.gather(static_cast<std::uint64_t>(table.n_rows))});
+  return spread;
+}
+
+namespace {
+
+/// Writes the rows of one rank. What fails is kept, and the calls that all ranks make together go on: nobody waits for
+/// a rank that has given up.
+class RowWriter {
+ public:
+  RowWriter(const fs::path& written, const fs::path& path, const World& world)
+      : written_(written), path_(path), world_(world), file_(open(written, world), &H5Fclose) {
+    note(file_ >= 0, "open");
+    if (world.is_alone()) return;
+    // Together, but each rank by itself what is its own: one run of bytes, so that there is nothing to gain from
+    // passing it to others first, and an error stays where it is instead of keeping those waiting who have passed
+    // theirs on.
+    note(H5Pset_dxpl_mpio(transfer_, H5FD_MPIO_COLLECTIVE) >= 0 &&
+             H5Pset_dxpl_mpio_collective_opt(transfer_, H5FD_MPIO_INDIVIDUAL_IO) >= 0,
+         "open");
+  }
+
+  Hash128 write(const Column& column, std::size_t n_rows, const Spread& spread) {
+    HashStream hash;
+    const ColumnForm& form = column.form;
+    if (spread.total() == 0 || file_ < 0) return hash.value();
+    const Id set(H5Dopen2(file_, form.name.c_str(), H5P_DEFAULT), &H5Dclose);
+    note(set >= 0, form.name);
+    const Id space(H5Dget_space(set), &H5Sclose);
+    const std::uint64_t before = spread.before(world_.rank());
+    const std::uint64_t most = *std::max_element(spread.rows.begin(), spread.rows.end());
+    buffer_.resize(std::max(buffer_.size(), std::min(block_rows, n_rows) * form.row_bytes() + 1));
+    for (std::uint64_t first = 0; first < most; first += block_rows) {
+      const std::size_t n = first < n_rows ? std::min<std::size_t>(block_rows, n_rows - first) : 0;
+      const void* rows = n > 0 ? column.rows(first, n, buffer_.data()) : buffer_.data();
+      hash.add(rows, n * form.row_bytes());
+      put(set, space, form, before + first, n, rows);
+    }
+    return hash.value();
+  }
+
+  void close() {
+    if (file_ < 0) return;
+    note(H5Fflush(file_, H5F_SCOPE_GLOBAL) >= 0, "flush");
+    std::error_code ignored;
+    // Alone, the library keeps small blocks back and could not close a file that it cannot write.
+    if (!failure_.empty() && world_.is_alone()) fs::resize_file(written_, 0, ignored);
+    note(file_.close(), "close");
+  }
+
+  void throw_failure() const {
+    if (!failure_.empty()) throw StorageError(path_, failure_);
+  }
+
+ private:
+  static hid_t open(const fs::path& written, const World& world) {
+    const Id access = file_access();
+    if (!world.is_alone() && H5Pset_fapl_mpio(access, mpi_handle(world), mpi_hints()) < 0) return H5I_INVALID_HID;
+    return H5Fopen(written.c_str(), H5F_ACC_RDWR, access);
+  }
+
+  void note(bool is_good, const std::string& doing) {
+    if (!is_good && failure_.empty()) failure_ = "cannot be written (" + doing + "): " + hdf5_reason();
+  }
+
+  /// Takes part even where it has nothing, or nothing more, to write.
+  void put(hid_t set, hid_t space, const ColumnForm& form, std::uint64_t first, std::size_t n, const void* rows) {
+    const std::size_t n_put = failure_.empty() ? n : 0;
+    if (n_put == 0 && world_.is_alone()) return;
+    const Id memory = simple_space(shape_of(form, std::max<std::size_t>(n_put, 1)));
+    select_rows(space, form, first, n_put);
+    if (n_put == 0) H5Sselect_none(memory);
+    note(H5Dwrite(set, type_in_memory(form.type), memory, space, transfer_, rows) >= 0, form.name);
+  }
+
+  fs::path written_;
+  fs::path path_;
+  const World& world_;
+  Id file_;
+  Id transfer_{H5Pcreate(H5P_DATASET_XFER), &H5Pclose};
+  std::vector<std::byte> buffer_;
+  std::string failure_;
+};
+
+}  // namespace
+
+std::vector<Hash128> write_tables(const fs::path& written, const fs::path& path, const std::vector<Table>& tables,
+                                  const std::vector<Spread>& spread, const World& world) {
+  // Each rank for itself first: a rank that cannot reach the file would keep the others waiting in the library.
+  agree(world, path, [&] { FileHandle(written, O_RDWR, path).close(); });
+  std::vector<Hash128> hashes;
+  agree(world, path, [&] {
+    quieten();
+    RowWriter writer(written, path, world);
+    for (std::size_t i = 0; i < tables.size(); ++i)
+      for (const Column& column : tables[i].columns)
+        hashes.push_back(writer.write(column, tables[i].n_rows, spread[i]));
+    writer.close();
+    writer.throw_failure();
+  });
+  return hashes;
+}
+
+RowRange share_of(std::uint64_t n_rows, const World& world) {
+  const auto rank = static_cast<std::uint64_t>(world.rank()), size = static_cast<std::uint64_t>(world.size());
+  const std::uint64_t each = n_rows / size, larger = n_rows % size;
+  return {rank * each + std::min(rank, larger), each + (rank < larger ? 1 : 0)};
 }
 
 struct Hdf5Reader::File {
   fs::path path;
-  Id id;
+  std::vector<std::string> rank_files;
+  Id id{H5I_INVALID_HID, &H5Fclose};
 
   [[noreturn]] void fail(const std::string& problem) const { throw StorageError(path, problem); }
 
@@ -264,9 +477,10 @@ struct Hdf5Reader::File {
       fail("attribute '" + name + "' is not of the expected form");
   }
 
-  /// Opens a dataset and checks its shape; returns its number of rows.
-  std::pair<Id, std::size_t> open_dataset(const std::string& name, int components) const {
-    if (H5Lexists(id, parent_of(name).empty() ? name.c_str() : parent_of(name).c_str(), H5P_DEFAULT) <= 0 ||
+  /// Opens a dataset and checks its form; returns its number of rows.
+  std::pair<Id, std::uint64_t> open_column(const ColumnForm& form) const {
+    const std::string &name = form.name, parent = parent_of(name);
+    if (H5Lexists(id, parent.empty() ? name.c_str() : parent.c_str(), H5P_DEFAULT) <= 0 ||
         H5Lexists(id, name.c_str(), H5P_DEFAULT) <= 0)
       fail("has no dataset '" + name + "'");
     Id set(H5Dopen2(id, name.c_str(), H5P_DEFAULT), &H5Dclose);
@@ -275,41 +489,81 @@ struct Hdf5Reader::File {
     hsize_t shape[2] = {0, 1};
     const int rank = H5Sget_simple_extent_ndims(space);
     if (rank < 1 || rank > 2 || H5Sget_simple_extent_dims(space, shape, nullptr) < 0 ||
-        (rank == 2 ? shape[1] : 1) != static_cast<hsize_t>(components))
+        (rank == 2 ? shape[1] : 1) != static_cast<hsize_t>(form.components))
       fail("dataset '" + name + "' has another shape than (n" +
-           (components > 1 ? ", " + std::to_string(components) : "") + ")");
-    return {std::move(set), static_cast<std::size_t>(shape[0])};
+           (form.components > 1 ? ", " + std::to_string(form.components) : "") + ")");
+    const Id stored(H5Dget_type(set), &H5Tclose);
+    const H5T_class_t expected = form.type == FieldType::real ? H5T_FLOAT : H5T_INTEGER;
+    if (H5Tget_class(stored) != expected || (expected == H5T_INTEGER && H5Tget_size(stored) > size_of(form.type)))
+      fail("dataset '" + name + "' has another type of numbers than expected");
+    return {std::move(set), shape[0]};
   }
 
-  template <class T>
-  std::vector<T> read(const std::string& name, int components, hid_t type, H5T_class_t type_class) const {
-    const auto [set, rows] = open_dataset(name, components);
-    const Id stored(H5Dget_type(set), &H5Tclose);
-    if (H5Tget_class(stored) != type_class || (type_class == H5T_INTEGER && H5Tget_size(stored) > sizeof(T)))
-      fail("dataset '" + name + "' has another type of numbers than expected");
-    std::vector<T> values(rows * static_cast<std::size_t>(components));
-    if (!values.empty() && H5Dread(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
-      fail("dataset '" + name + "' cannot be read: " + hdf5_reason());
-    return values;
+  void read_rows(hid_t set, const ColumnForm& form, RowRange range, void* to) const {
+    if (range.n == 0) return;
+    const Id space(H5Dget_space(set), &H5Sclose);
+    const hsize_t width = static_cast<hsize_t>(form.components);
+    const Id memory = simple_space({range.n * width});
+    // A dataset of shape (n) takes the first of the two numbers only.
+    if (!select_rows(space, form, range.first, range.n) ||
+        H5Dread(set, type_in_memory(form.type), memory, space, H5P_DEFAULT, to) < 0)
+      fail("dataset '" + form.name + "' cannot be read: " + hdf5_reason());
+  }
+
+  /// Kind and format by its attributes, for files whose seal is gone.
+  void check_kind(const Hdf5Reader& reader, const std::vector<std::string>& kinds) const {
+    const std::string found = reader.kind();
+    if (std::find(kinds.begin(), kinds.end(), found) == kinds.end())
+      fail("holds a '" + found + "', which is not expected here");
+    const std::uint64_t format = reader.integer_attribute("format");
+    if (format > static_cast<std::uint64_t>(file_format))
+      fail("is written in format " + std::to_string(format) + ", newer than format " + std::to_string(file_format) +
+           " of this program: use a newer Moraine");
   }
 };
 
-Hdf5Reader::Hdf5Reader(const fs::path& path, const std::vector<std::string>& kinds, bool needs_seal) {
+namespace {
+
+/// Checks a file and those of its ranks, which are shared out. Returns the latter. All ranks call it.
+std::vector<RankFile> check_whole(const fs::path& path, const std::vector<std::string>& kinds, bool needs_seal,
+                                  const World& world) {
+  std::string listed;
+  agree_on_root(world, path, [&] {
+    const std::optional<SealHeader> header = check_seal(path, kinds);
+    if (!header && needs_seal)
+      throw StorageError(path,
+                         "is an HDF5 file without Moraine's checksums; another program has written or rewritten it");
+    if (header)
+      for (const RankFile& file : header->rank_files) listed += file.seal.text() + file.name + '\n';
+  });
+  world.broadcast(listed);
+  std::vector<RankFile> files;
+  for (std::size_t at = 0, end; at < listed.size(); at = end + 1) {
+    end = listed.find('\n', at);
+    files.push_back({listed.substr(at + 32, end - at - 32), Hash128::from_text(listed.substr(at, 32))});
+  }
+  agree(world, path, [&] {
+    const auto size = static_cast<std::size_t>(world.size());
+    for (std::size_t i = static_cast<std::size_t>(world.rank()); i < files.size(); i += size)
+      check_rank_file(path, files[i]);
+  });
+  return files;
+}
+
+}  // namespace
+
+Hdf5Reader::Hdf5Reader(const fs::path& path, const std::vector<std::string>& kinds, bool needs_seal,
+                       const World& world) {
   quieten();
-  if (!check_seal(path, kinds) && needs_seal)
-    throw StorageError(path,
-                       "is an HDF5 file without Moraine's checksums; another program has written or rewritten it");
-  const Id access = file_access();
-  const hid_t opened = H5Fopen(path.c_str(), H5F_ACC_RDONLY, access);
-  if (opened < 0) throw StorageError(path, "cannot be opened as HDF5: " + hdf5_reason());
-  file_ = std::make_unique<File>(File{path, Id(opened, &H5Fclose)});
-  const std::string found = kind();
-  if (std::find(kinds.begin(), kinds.end(), found) == kinds.end())
-    throw StorageError(path, "holds a '" + found + "', which is not expected here");
-  const std::uint64_t format = integer_attribute("format");
-  if (format > static_cast<std::uint64_t>(file_format))
-    throw StorageError(path, "is written in format " + std::to_string(format) + ", newer than format " +
-                                 std::to_string(file_format) + " of this program: use a newer Moraine");
+  file_ = std::make_unique<File>();
+  file_->path = path;
+  for (const RankFile& file : check_whole(path, kinds, needs_seal, world)) file_->rank_files.push_back(file.name);
+  agree(world, path, [&] {
+    const Id access = file_access();
+    file_->id = Id(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access), &H5Fclose);
+    if (file_->id < 0) throw StorageError(path, "cannot be opened as HDF5: " + hdf5_reason());
+    file_->check_kind(*this, kinds);
+  });
 }
 
 Hdf5Reader::~Hdf5Reader() = default;
@@ -317,6 +571,8 @@ Hdf5Reader::~Hdf5Reader() = default;
 const fs::path& Hdf5Reader::path() const { return file_->path; }
 
 std::string Hdf5Reader::kind() const { return text_attribute("kind"); }
+
+const std::vector<std::string>& Hdf5Reader::rank_files() const { return file_->rank_files; }
 
 bool Hdf5Reader::exists(const std::string& name) const {
   const std::string parent = parent_of(name);
@@ -336,16 +592,29 @@ std::vector<std::string> Hdf5Reader::children(const std::string& group) const {
   return names;
 }
 
-std::vector<double> Hdf5Reader::reals(const std::string& name, int components) const {
-  return file_->read<double>(name, components, H5T_NATIVE_DOUBLE, H5T_FLOAT);
+std::uint64_t Hdf5Reader::n_rows(const ColumnForm& form) const { return file_->open_column(form).second; }
+
+void Hdf5Reader::read(const ColumnForm& form, RowRange range, void* to) const {
+  const auto [set, rows] = file_->open_column(form);
+  file_->read_rows(set, form, range, to);
 }
 
-std::vector<std::uint64_t> Hdf5Reader::gids(const std::string& name) const {
-  return file_->read<std::uint64_t>(name, 1, H5T_NATIVE_UINT64, H5T_INTEGER);
+void Hdf5Reader::read_blocks(const ColumnForm& form, RowRange range,
+                             const std::function<void(std::size_t, std::size_t, const void*)>& take) const {
+  const auto [set, rows] = file_->open_column(form);
+  std::vector<std::byte> buffer(std::min<std::uint64_t>(block_rows, range.n) * form.row_bytes());
+  for (std::uint64_t at = 0; at < range.n; at += block_rows) {
+    const std::uint64_t n = std::min<std::uint64_t>(block_rows, range.n - at);
+    file_->read_rows(set, form, {range.first + at, n}, buffer.data());
+    take(at, n, buffer.data());
+  }
 }
 
-std::vector<std::uint16_t> Hdf5Reader::indices(const std::string& name) const {
-  return file_->read<std::uint16_t>(name, 1, H5T_NATIVE_UINT16, H5T_INTEGER);
+std::vector<double> Hdf5Reader::reals(const std::string& name) const {
+  const ColumnForm form{name, FieldType::real, 1, {}};
+  std::vector<double> values(n_rows(form));
+  read(form, {0, values.size()}, values.data());
+  return values;
 }
 
 std::string Hdf5Reader::text(const std::string& name) const {

@@ -2,12 +2,20 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
+#include <functional>
+#include <span>
 #include <string>
+#include <system_error>
 #include <utility>
 
+#include "io/checkpoint/agreement.hpp"
 #include "io/checkpoint/durable_file.hpp"
+#include "io/checkpoint/rank_files.hpp"
 
 namespace moraine {
+
+namespace fs = std::filesystem;
 
 namespace {
 
@@ -18,7 +26,9 @@ static_assert(sizeof(PairHistory) == 7 * 8 && sizeof(WallHistory) == 9 * 8,
 std::array<double, 3> as_array(Vec3 v) { return {v.x, v.y, v.z}; }
 Vec3 as_vector(const std::array<double, 3>& a) { return {a[0], a[1], a[2]}; }
 
-std::string field_path(const FieldInfo& row) { return "particles/" + std::string(row.name); }
+ColumnForm form_of(const FieldInfo& row) {
+  return {"particles/" + std::string(row.name), row.type, row.components, std::string(row.unit)};
+}
 
 /// Names of accumulators are free text; those of datasets must not contain a slash, nor be empty or a dot.
 std::string encoded(const std::string& name) {
@@ -42,74 +52,156 @@ std::string decoded(const std::string& text) {
   return name;
 }
 
-std::size_t n_values(const FieldArray& array, const FieldInfo& row) {
-  return row.type == FieldType::real  ? array.reals.size()
-         : row.type == FieldType::gid ? array.gids.size()
-                                      : array.indices.size();
-}
-
-/// One component or vector of all histories, as an array of its own.
-template <class Entry, class Get>
-auto column(const std::vector<Entry>& entries, Get get) {
-  std::vector<decltype(get(entries[0]))> values;
-  values.reserve(entries.size());
-  for (const Entry& entry : entries) values.push_back(get(entry));
-  return values;
-}
-
-template <class Entry>
-std::vector<double> vectors(const std::vector<Entry>& entries, double (Entry::*member)[3]) {
-  std::vector<double> values;
-  values.reserve(3 * entries.size());
-  for (const Entry& entry : entries)
-    for (const double value : entry.*member) values.push_back(value);
-  return values;
-}
-
-/// What springs hold; scenes without an energy ledger have none, and no dataset.
-template <class Entry>
-void write_energy(Hdf5Writer& file, const std::string& name, const std::vector<Entry>& entries) {
-  if (std::any_of(entries.begin(), entries.end(),
-                  [](const Entry& entry) { return std::bit_cast<std::uint64_t>(entry.energy) != 0; }))
-    file.dataset(name, column(entries, [](const Entry& entry) { return entry.energy; }), 1, "J");
-}
-
-void check_length(const Hdf5Reader& file, const std::string& name, std::size_t found, std::size_t expected) {
-  if (found != expected)
-    throw StorageError(file.path(), "dataset '" + name + "' has " + std::to_string(found) + " rows, expected " +
-                                        std::to_string(expected));
-}
-
-template <class Entry>
-void read_energy(const Hdf5Reader& file, const std::string& name, std::vector<Entry>& entries) {
-  if (!file.exists(name)) return;
-  const std::vector<double> energy = file.reals(name);
-  check_length(file, name, energy.size(), entries.size());
-  for (std::size_t i = 0; i < energy.size(); ++i) entries[i].energy = energy[i];
-}
-
-FieldArray read_field(const Hdf5Reader& file, const FieldInfo& row, std::uint64_t n_grains) {
-  FieldArray array;
-  array.field = row.field;
-  const std::string name = field_path(row);
-  switch (row.type) {
-    case FieldType::real: array.reals = file.reals(name, row.components); break;
-    case FieldType::gid: array.gids = file.gids(name); break;
-    case FieldType::index: array.indices = file.indices(name); break;
+std::size_t n_values(const FieldArray& array) {
+  switch (info(array.field).type) {
+    case FieldType::real: return array.reals.size();
+    case FieldType::gid: return array.gids.size();
+    default: return array.indices.size();
   }
-  check_length(file, name, n_values(array, row) / static_cast<std::size_t>(row.components), n_grains);
-  return array;
 }
 
-}  // namespace
-
-std::uint64_t header_size(const Image& image, std::size_t n_more) {
-  std::size_t n_characters = 40 * (n_fields + 8 + n_more);
-  for (const auto& [name, values] : image.accumulators) n_characters += 16 + 3 * name.size();
-  return seal_size(n_fields + 8 + n_more + image.accumulators.size(), n_characters);
+const void* values_of(const FieldArray& array) {
+  switch (info(array.field).type) {
+    case FieldType::real: return array.reals.data();
+    case FieldType::gid: return array.gids.data();
+    default: return array.indices.data();
+  }
 }
 
-void write_grains(Hdf5Writer& file, const Image& image) {
+/// Visits the columns of a history: each with its form and where its first number lies in an entry. Energies are apart.
+template <class Visit>
+void for_pair_columns(Visit&& visit) {
+  visit(ColumnForm{"contacts/pairs/gid_low", FieldType::gid, 1, {}}, [](auto& p) { return &p.gid_low; });
+  visit(ColumnForm{"contacts/pairs/gid_high", FieldType::gid, 1, {}}, [](auto& p) { return &p.gid_high; });
+  visit(ColumnForm{"contacts/pairs/image", FieldType::gid, 1, {}}, [](auto& p) { return &p.image; });
+  visit(ColumnForm{"contacts/pairs/displacement", FieldType::real, 3, "m"}, [](auto& p) { return &p.displacement[0]; });
+}
+
+template <class Visit>
+void for_wall_columns(Visit&& visit) {
+  visit(ColumnForm{"contacts/walls/gid", FieldType::gid, 1, {}}, [](auto& w) { return &w.gid; });
+  visit(ColumnForm{"contacts/walls/surface", FieldType::gid, 1, {}}, [](auto& w) { return &w.surface; });
+  visit(ColumnForm{"contacts/walls/normal", FieldType::real, 3, {}}, [](auto& w) { return &w.normal[0]; });
+  visit(ColumnForm{"contacts/walls/displacement", FieldType::real, 3, "m"}, [](auto& w) { return &w.displacement[0]; });
+}
+
+const ColumnForm pair_energy{"contacts/pairs/energy", FieldType::real, 1, "J"};
+const ColumnForm wall_energy{"contacts/walls/energy", FieldType::real, 1, "J"};
+constexpr auto energy_in = [](auto& entry) { return &entry.energy; };
+
+/// A column that is gathered from entries, block by block.
+template <class Entry, class Place>
+Column entry_column(const ColumnForm& form, const std::vector<Entry>& entries, Place place) {
+  return {form, [&entries, place, bytes = form.row_bytes()](std::size_t first, std::size_t n, std::byte* buffer) {
+            for (std::size_t i = 0; i < n; ++i) std::memcpy(buffer + i * bytes, place(entries[first + i]), bytes);
+            return static_cast<const void*>(buffer);
+          }};
+}
+
+/// What springs hold; scenes without an energy ledger have none, and no dataset. All ranks call it.
+template <class Entry>
+bool has_energy(const std::vector<Entry>& entries, const World& world) {
+  std::uint64_t any[] = {std::any_of(entries.begin(), entries.end(), [](const Entry& entry) {
+    return std::bit_cast<std::uint64_t>(entry.energy) != 0;
+  })};
+  world.max(std::span<std::uint64_t>(any));
+  return any[0] != 0;
+}
+
+Table table_of_grains(const Image& image) {
+  Table table;
+  for (const FieldArray& array : image.fields) {
+    const ColumnForm form = form_of(info(array.field));
+    const auto width = static_cast<std::size_t>(form.components);
+    if (&array == &image.fields.front()) table.n_rows = n_values(array) / width;
+    if (n_values(array) != table.n_rows * width)
+      throw std::logic_error(form.name + " of an image has another length than its grains");
+    table.columns.push_back({form, [&array, bytes = form.row_bytes()](std::size_t first, std::size_t, std::byte*) {
+                               return static_cast<const void*>(static_cast<const std::byte*>(values_of(array)) +
+                                                               first * bytes);
+                             }});
+  }
+  return table;
+}
+
+Table table_of_pairs(const Image& image, const World& world) {
+  Table table{image.pairs.size(), {}};
+  for_pair_columns(
+      [&](const ColumnForm& form, auto place) { table.columns.push_back(entry_column(form, image.pairs, place)); });
+  if (has_energy(image.pairs, world)) table.columns.push_back(entry_column(pair_energy, image.pairs, energy_in));
+  return table;
+}
+
+Table table_of_walls(const Image& image, const World& world) {
+  Table table{image.walls.size(), {}};
+  for_wall_columns(
+      [&](const ColumnForm& form, auto place) { table.columns.push_back(entry_column(form, image.walls, place)); });
+  if (has_energy(image.walls, world)) table.columns.push_back(entry_column(wall_energy, image.walls, energy_in));
+  return table;
+}
+
+/// Everything that is written, and how it is shared between the ranks.
+struct Content {
+  const Image* image;
+  const RunRecord* record;
+  std::vector<Table> tables;
+  std::vector<Spread> spread;
+};
+
+Content content_of(const Image& image, const RunRecord* record, const World& world) {
+  Content content{&image, record, {table_of_grains(image)}, {}};
+  if (record != nullptr) {
+    content.tables.push_back(table_of_pairs(image, world));
+    content.tables.push_back(table_of_walls(image, world));
+  }
+  content.spread = spread_of(content.tables, world);
+  if (!image.fields.empty() && content.spread[0].total() != image.n_grains)
+    throw std::logic_error("the fields of an image have other lengths than its grains");
+  return content;
+}
+
+std::uint64_t header_size(const Content& content, std::size_t n_rank_files, std::size_t n_name_characters) {
+  std::size_t n_parts = 2 + n_rank_files, n_characters = 40 + n_rank_files * n_name_characters;
+  for (const Table& table : content.tables) {
+    n_parts += table.columns.size();
+    for (const Column& column : table.columns) n_characters += column.form.name.size();
+  }
+  for (const auto& [name, values] : content.image->accumulators) {
+    ++n_parts;
+    n_characters += 16 + 3 * name.size();
+  }
+  return seal_size(n_parts, n_characters);
+}
+
+/// Room that a file needs, rather more than less [bytes]: all but its columns.
+std::uint64_t common_room(const Content& content, std::uint64_t header_bytes) {
+  constexpr std::uint64_t for_structure = 32768, per_dataset = 1024;
+  std::uint64_t bytes = header_bytes + for_structure;
+  for (const Table& table : content.tables) bytes += per_dataset * table.columns.size();
+  if (content.record == nullptr) return bytes;
+  bytes += content.record->scene.size() + content.record->version.size() + content.record->commit.size();
+  for (const auto& [name, values] : content.image->accumulators)
+    bytes += per_dataset + 3 * name.size() + values.size() * sizeof(double);
+  return bytes;
+}
+
+std::uint64_t column_room(const Content& content) {
+  std::uint64_t bytes = 0;
+  for (std::size_t t = 0; t < content.tables.size(); ++t)
+    for (const Column& column : content.tables[t].columns) bytes += content.spread[t].total() * column.form.row_bytes();
+  return bytes;
+}
+
+/// Room for the places of so many files' rows in each column.
+std::uint64_t mapping_room(const Content& content, std::size_t n_files, std::size_t n_name_characters) {
+  std::uint64_t bytes = 0;
+  for (const Table& table : content.tables) bytes += table.columns.size() * n_files * (n_name_characters + 256);
+  return bytes;
+}
+
+void write_frame(Hdf5Writer& file, const Image& image, const std::string& kind, int format) {
+  file.attribute("kind", kind);
+  file.attribute("format", static_cast<std::uint64_t>(format));
   file.attribute("step", image.step);
   file.attribute("time", image.time);
   file.attribute("time_step", image.time_step);
@@ -119,36 +211,200 @@ void write_grains(Hdf5Writer& file, const Image& image) {
                                                    double(image.periodic[2])});
   file.attribute("grains", image.n_grains);
   file.attribute("state_hash", image.hash.text());
-  for (const FieldArray& array : image.fields) {
-    const FieldInfo& row = info(array.field);
-    const std::string name = field_path(row);
-    if (n_values(array, row) != image.n_grains * static_cast<std::size_t>(row.components))
-      throw std::logic_error("field " + std::string(row.name) + " of an image has another length than its grains");
-    switch (row.type) {
-      case FieldType::real: file.dataset(name, array.reals, row.components, std::string(row.unit)); break;
-      case FieldType::gid: file.dataset(name, array.gids); break;
-      case FieldType::index: file.dataset(name, array.indices); break;
-    }
+}
+
+/// What is the same on all ranks besides the frame.
+void write_common(Hdf5Writer& file, const Content& content) {
+  if (content.record == nullptr) return;
+  file.attribute("version", content.record->version);
+  file.attribute("commit", content.record->commit);
+  file.text("scene", content.record->scene);
+  for (const auto& [name, values] : content.image->accumulators) file.dataset("accumulators/" + encoded(name), values);
+}
+
+std::string kind_of(const Content& content) { return content.record != nullptr ? "checkpoint" : "snapshot"; }
+
+/// Removes a file under a passing name where writing it has failed.
+class Removed {
+ public:
+  explicit Removed(fs::path path) : path_(std::move(path)) {}
+  ~Removed() {
+    std::error_code ignored;
+    if (!path_.empty()) fs::remove(path_, ignored);
   }
+  Removed(const Removed&) = delete;
+  Removed& operator=(const Removed&) = delete;
+  void keep() { path_.clear(); }
+
+ private:
+  fs::path path_;
+};
+
+/// The hash of each rank's rows of each column, at the root: [rank][column].
+std::vector<std::vector<Hash128>> gather_hashes(const std::vector<Hash128>& hashes, const World& world) {
+  std::string bytes(hashes.size() * sizeof(Hash128), '\0');
+  if (!hashes.empty()) std::memcpy(bytes.data(), hashes.data(), bytes.size());
+  std::vector<std::vector<Hash128>> all;
+  for (const std::string& of_rank : world.gather_at_root(bytes)) {
+    all.emplace_back(hashes.size());
+    if (!hashes.empty()) std::memcpy(all.back().data(), of_rank.data(), of_rank.size());
+  }
+  return all;
 }
 
-void write_history(Hdf5Writer& file, const Image& image) {
-  const auto& pairs = image.pairs;
-  file.dataset("contacts/pairs/gid_low", column(pairs, [](const PairHistory& p) { return p.gid_low; }));
-  file.dataset("contacts/pairs/gid_high", column(pairs, [](const PairHistory& p) { return p.gid_high; }));
-  file.dataset("contacts/pairs/image", column(pairs, [](const PairHistory& p) { return p.image; }));
-  file.dataset("contacts/pairs/displacement", vectors(pairs, &PairHistory::displacement), 3, "m");
-  write_energy(file, "contacts/pairs/energy", pairs);
-  const auto& walls = image.walls;
-  file.dataset("contacts/walls/gid", column(walls, [](const WallHistory& w) { return w.gid; }));
-  file.dataset("contacts/walls/surface", column(walls, [](const WallHistory& w) { return w.surface; }));
-  file.dataset("contacts/walls/normal", vectors(walls, &WallHistory::normal), 3);
-  file.dataset("contacts/walls/displacement", vectors(walls, &WallHistory::displacement), 3, "m");
-  write_energy(file, "contacts/walls/energy", walls);
-  for (const auto& [name, values] : image.accumulators) file.dataset("accumulators/" + encoded(name), values);
+/// Gives the columns among the parts the slices of the ranks; those come in the order of the tables.
+void add_slices(std::vector<WrittenPart>& parts, const Content& content,
+                const std::vector<std::vector<Hash128>>& hashes) {
+  std::size_t column_number = 0;
+  for (std::size_t t = 0; t < content.tables.size(); ++t)
+    for (const Column& column : content.tables[t].columns) {
+      const auto part =
+          std::find_if(parts.begin(), parts.end(), [&](const WrittenPart& p) { return p.name == column.form.name; });
+      for (std::size_t rank = 0; part != parts.end() && rank < hashes.size(); ++rank)
+        if (const std::uint64_t n = content.spread[t].rows[rank]; n > 0)
+          part->slices.push_back({n * column.form.row_bytes(), hashes[rank][column_number]});
+      ++column_number;
+    }
 }
 
-Image read_grains(const Hdf5Reader& file, std::vector<std::string>* unknown) {
+/// Writes and seals a file that holds the rows of all ranks. Returns its seal at the root. All ranks call it.
+Hash128 write_sealed(const fs::path& written, const fs::path& path, const std::string& kind, const Content& content,
+                     const std::function<void(Hdf5Writer&)>& write_more, const World& world) {
+  const std::uint64_t header_bytes = header_size(content, 0, 0);
+  std::vector<WrittenPart> parts;
+  agree_on_root(world, path, [&] {
+    Hdf5Writer file(written, path, header_bytes, common_room(content, header_bytes) + column_room(content));
+    write_frame(file, *content.image, kind, whole_file_format);
+    write_more(file);
+    for (std::size_t t = 0; t < content.tables.size(); ++t)
+      for (const Column& column : content.tables[t].columns) file.column(column.form, content.spread[t].total());
+    parts = file.close();
+  });
+  const auto hashes = gather_hashes(write_tables(written, path, content.tables, content.spread, world), world);
+  Hash128 seal;
+  agree_on_root(world, path, [&] {
+    add_slices(parts, content, hashes);
+    seal = seal_file(written, path, kind, header_bytes, parts);
+  });
+  return seal;
+}
+
+void write_shared(const fs::path& path, const Content& content, const World& world) {
+  Removed left_over(world.is_root() ? temporary_name(path) : fs::path());
+  write_sealed(
+      temporary_name(path), path, kind_of(content), content, [&](Hdf5Writer& file) { write_common(file, content); },
+      world);
+  agree_on_root(world, path, [&] { take_place(path); });
+  left_over.keep();
+}
+
+/// This rank's rows in a file of their own, in place. Returns its name and seal. All ranks call it.
+RankFile write_rank_file(const fs::path& path, const Content& content, const World& world) {
+  const fs::path draft = rank_file_draft(path, world.rank());
+  Removed left_over(temporary_name(draft));
+  fs::path place;
+  Hash128 seal;
+  agree(world, path, [&] {
+    Content own = content;
+    own.spread = spread_of(own.tables, World());
+    seal = write_sealed(
+        temporary_name(draft), draft, rank_file_kind, own, [](Hdf5Writer&) {}, World());
+  });
+  agree(world, path, [&] {
+    place = rank_file_name(path, world.rank(), seal);
+    move_to(temporary_name(draft), place);
+  });
+  left_over.keep();
+  return {place.filename().string(), seal};
+}
+
+/// The file in front: what is the same on all ranks, and the rows of the ranks' files as its own.
+void write_front(const fs::path& path, const Content& content, const std::vector<RankFile>& files) {
+  const fs::path written = temporary_name(path);
+  Removed left_over(written);
+  std::vector<std::string> names;
+  for (const RankFile& file : files) names.push_back(file.name);
+  const std::size_t n_name_characters = names.back().size();
+  const std::uint64_t header_bytes = header_size(content, files.size(), n_name_characters);
+  Hdf5Writer file(written, path, header_bytes,
+                  common_room(content, header_bytes) + mapping_room(content, files.size(), n_name_characters));
+  write_frame(file, *content.image, kind_of(content), file_format);
+  write_common(file, content);
+  for (std::size_t t = 0; t < content.tables.size(); ++t)
+    for (const Column& column : content.tables[t].columns)
+      file.column_of_files(column.form, names, content.spread[t].rows);
+  // All that it holds itself has been written, and has its hash.
+  std::vector<WrittenPart> parts = file.close();
+  seal_file(written, path, kind_of(content), header_bytes, parts, files);
+  take_place(path);
+  left_over.keep();
+}
+
+/// Files of ranks first, the one in front last: until it is there, the old one and its files count.
+void write_distributed(const fs::path& path, const Content& content, const World& world) {
+  const RankFile own = write_rank_file(path, content, world);
+  std::vector<RankFile> files;
+  for (const std::string& text : world.gather_at_root(own.seal.text() + own.name))
+    files.push_back({text.substr(32), Hash128::from_text(text.substr(0, 32))});
+  agree_on_root(world, path, [&] { write_front(path, content, files); });
+}
+
+void check_length(const Hdf5Reader& file, const ColumnForm& form, std::uint64_t expected) {
+  const std::uint64_t found = file.n_rows(form);
+  if (found != expected)
+    throw StorageError(file.path(), "dataset '" + form.name + "' has " + std::to_string(found) + " rows, expected " +
+                                        std::to_string(expected));
+}
+
+FieldArray read_field(const Hdf5Reader& file, const FieldInfo& row, std::uint64_t n_grains, RowRange range) {
+  FieldArray array;
+  array.field = row.field;
+  const ColumnForm form = form_of(row);
+  check_length(file, form, n_grains);
+  const std::size_t n = range.n * static_cast<std::size_t>(row.components);
+  switch (row.type) {
+    case FieldType::real: array.reals.resize(n); break;
+    case FieldType::gid: array.gids.resize(n); break;
+    case FieldType::index: array.indices.resize(n); break;
+  }
+  file.read(form, range, const_cast<void*>(values_of(array)));
+  return array;
+}
+
+template <class Entry, class Place>
+void read_entries(const Hdf5Reader& file, const ColumnForm& form, RowRange range, std::uint64_t n_rows,
+                  std::vector<Entry>& entries, Place place) {
+  check_length(file, form, n_rows);
+  entries.resize(range.n);
+  const std::size_t bytes = form.row_bytes();
+  file.read_blocks(form, range, [&](std::size_t at, std::size_t n, const void* rows) {
+    for (std::size_t i = 0; i < n; ++i)
+      std::memcpy(place(entries[at + i]), static_cast<const std::byte*>(rows) + i * bytes, bytes);
+  });
+}
+
+}  // namespace
+
+void write_image(const fs::path& path, const Image& image, const RunRecord* record, const World& world,
+                 bool distributed) {
+  const Content content = content_of(image, record, world);
+  const auto clean_up = [&] {
+    if (world.is_root()) remove_stale_rank_files(path);
+    world.wait_for_all();  // or a rank's next file might already lie there
+  };
+  try {
+    if (distributed && !world.is_alone())
+      write_distributed(path, content, world);
+    else
+      write_shared(path, content, world);
+  } catch (const StorageError&) {
+    clean_up();
+    throw;
+  }
+  clean_up();
+}
+
+Image read_grains(const Hdf5Reader& file, const World& world, std::vector<std::string>* unknown) {
   Image image;
   image.step = file.integer_attribute("step");
   image.time = file.real_attribute("time");
@@ -168,39 +424,35 @@ Image read_grains(const Hdf5Reader& file, std::vector<std::string>* unknown) {
       throw StorageError(file.path(), "holds the field '" + name + "', which this program does not know");
     unknown->push_back(name);
   }
+  const RowRange range = share_of(image.n_grains, world);
   for (const FieldInfo& row : field_table)
-    if (file.exists(field_path(row))) image.fields.push_back(read_field(file, row, image.n_grains));
+    if (file.exists(form_of(row).name)) image.fields.push_back(read_field(file, row, image.n_grains, range));
   return image;
 }
 
-void read_history(const Hdf5Reader& file, Image& image) {
-  const auto low = file.gids("contacts/pairs/gid_low"), high = file.gids("contacts/pairs/gid_high");
-  const auto shift = file.gids("contacts/pairs/image");
-  const auto displacement = file.reals("contacts/pairs/displacement", 3);
-  check_length(file, "contacts/pairs/gid_high", high.size(), low.size());
-  check_length(file, "contacts/pairs/image", shift.size(), low.size());
-  check_length(file, "contacts/pairs/displacement", displacement.size() / 3, low.size());
-  image.pairs.reserve(low.size());
-  for (std::size_t i = 0; i < low.size(); ++i)
-    image.pairs.push_back(
-        {low[i], high[i], shift[i], {displacement[3 * i], displacement[3 * i + 1], displacement[3 * i + 2]}, 0.0});
-  read_energy(file, "contacts/pairs/energy", image.pairs);
+void read_history(const Hdf5Reader& file, Image& image, const World& world) {
+  const std::uint64_t n_pairs = file.n_rows({"contacts/pairs/gid_low", FieldType::gid, 1, {}});
+  const RowRange pairs = share_of(n_pairs, world);
+  const auto read_pairs = [&](const ColumnForm& form, auto place) {
+    read_entries(file, form, pairs, n_pairs, image.pairs, place);
+  };
+  for_pair_columns(read_pairs);
+  if (file.exists(pair_energy.name)) read_pairs(pair_energy, energy_in);
 
-  const auto gid = file.gids("contacts/walls/gid"), surface = file.gids("contacts/walls/surface");
-  const auto normal = file.reals("contacts/walls/normal", 3), slip = file.reals("contacts/walls/displacement", 3);
-  check_length(file, "contacts/walls/surface", surface.size(), gid.size());
-  check_length(file, "contacts/walls/normal", normal.size() / 3, gid.size());
-  check_length(file, "contacts/walls/displacement", slip.size() / 3, gid.size());
-  image.walls.reserve(gid.size());
-  for (std::size_t i = 0; i < gid.size(); ++i)
-    image.walls.push_back({gid[i],
-                           surface[i],
-                           {normal[3 * i], normal[3 * i + 1], normal[3 * i + 2]},
-                           {slip[3 * i], slip[3 * i + 1], slip[3 * i + 2]},
-                           0.0});
-  read_energy(file, "contacts/walls/energy", image.walls);
+  const std::uint64_t n_walls = file.n_rows({"contacts/walls/gid", FieldType::gid, 1, {}});
+  const RowRange walls = share_of(n_walls, world);
+  const auto read_walls = [&](const ColumnForm& form, auto place) {
+    read_entries(file, form, walls, n_walls, image.walls, place);
+  };
+  for_wall_columns(read_walls);
+  if (file.exists(wall_energy.name)) read_walls(wall_energy, energy_in);
+
   for (const std::string& name : file.children("accumulators"))
     image.accumulators[decoded(name)] = file.reals("accumulators/" + name);
+}
+
+RunRecord read_record(const Hdf5Reader& file) {
+  return {file.text("scene"), file.text_attribute("version"), file.text_attribute("commit")};
 }
 
 }  // namespace moraine

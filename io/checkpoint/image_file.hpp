@@ -7,23 +7,31 @@
 //   /accumulators/NAME         checkpoints: state of observers and counters
 #pragma once
 
+#include "comm/world.hpp"
 #include "engine/run/image.hpp"
 #include "io/checkpoint/hdf5_file.hpp"
 
 namespace moraine {
 
-/// Room that the seal of a file with this image needs [bytes]; `n_more`: further datasets.
-std::uint64_t header_size(const Image& image, std::size_t n_more);
+/// Where a checkpoint comes from.
+struct RunRecord {
+  std::string scene;    // the scene file as run, overrides applied
+  std::string version;  // of the program
+  std::string commit;   // of its source
+};
 
-/// Attributes and grains. Throws StorageError.
-void write_grains(Hdf5Writer& file, const Image& image);
-/// Contact history and accumulators. Throws StorageError.
-void write_history(Hdf5Writer& file, const Image& image);
+/// Writes an image, each rank its rows, whole or not at all; with a record and history as a checkpoint, without as a
+/// snapshot. `distributed`: one file per rank and one in front, where there are several ranks. All ranks call it;
+/// throws StorageError, the same on all.
+void write_image(const std::filesystem::path& path, const Image& image, const RunRecord* record, const World& world,
+                 bool distributed);
 
-/// What write_grains wrote. Fields that the field table does not have are refused, or listed in `unknown` where it is given.
+/// Frame and grains, this rank's equal share of them. Fields that the field table does not have are refused, or listed
+/// in `unknown` where it is given. Throws StorageError.
+Image read_grains(const Hdf5Reader& file, const World& world = {}, std::vector<std::string>* unknown = nullptr);
+/// Contact histories, this rank's equal share of each kind, and accumulators. Throws StorageError.
+void read_history(const Hdf5Reader& file, Image& image, const World& world = {});
 /// Throws StorageError.
-Image read_grains(const Hdf5Reader& file, std::vector<std::string>* unknown = nullptr);
-/// What write_history wrote. Throws StorageError.
-void read_history(const Hdf5Reader& file, Image& image);
+RunRecord read_record(const Hdf5Reader& file);
 
 }  // namespace moraine

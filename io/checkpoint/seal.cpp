@@ -25,17 +25,6 @@ constexpr std::string_view hdf5_signature = "\x89HDF\r\n\x1a\n";
 
 Hash128 from_xxhash(XXH128_hash_t hash) { return {hash.high64, hash.low64}; }
 
-class HashStream {
- public:
-  HashStream() : state_(XXH3_createState(), &XXH3_freeState) { reset(); }
-  void reset() { XXH3_128bits_reset(state_.get()); }
-  void add(const void* bytes, std::size_t n) { XXH3_128bits_update(state_.get(), bytes, n); }
-  Hash128 value() const { return from_xxhash(XXH3_128bits_digest(state_.get())); }
-
- private:
-  std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> state_;
-};
-
 /// Hash of bytes [begin, end) of a file, through a buffer.
 Hash128 hash_range(const FileHandle& file, std::uint64_t begin, std::uint64_t end, std::vector<char>& buffer) {
   HashStream stream;
@@ -51,34 +40,57 @@ Hash128 hash_range(const FileHandle& file, std::uint64_t begin, std::uint64_t en
   return stream.value();
 }
 
-/// Hash of all content, which must hold the parts as they are said to be; one pass over the file, as it may be large.
-Hash128 hash_content(const FileHandle& file, const fs::path& path, const SealHeader& header) {
-  std::vector<const FilePart*> parts;
-  for (const FilePart& part : header.parts) parts.push_back(&part);
-  std::sort(parts.begin(), parts.end(), [](const FilePart* a, const FilePart* b) { return a->offset < b->offset; });
-  HashStream content, inside;
-  std::vector<char> buffer(block_bytes);
-  std::uint64_t at = header.header_bytes;
-  const auto pass = [&](std::uint64_t end) {
-    inside.reset();
-    while (at < end) {
+/// Reads what was written from front to back once, as it may be large: the hash of all content, and of each part on the
+/// way.
+class ReadBack {
+ public:
+  ReadBack(const FileHandle& file, const fs::path& path, std::uint64_t from) : file_(file), path_(path), at_(from) {}
+
+  /// Up to byte `end`.
+  void pass(std::uint64_t end, HashStream* part = nullptr, HashStream* slice = nullptr) {
+    while (at_ < end) {
       const std::size_t n =
-          file.read(buffer.data(), static_cast<std::size_t>(std::min<std::uint64_t>(block_bytes, end - at)), at);
-      if (n == 0) throw StorageError(path, "became shorter while it was written");
-      content.add(buffer.data(), n);
-      inside.add(buffer.data(), n);
-      at += n;
+          file_.read(buffer_.data(), static_cast<std::size_t>(std::min<std::uint64_t>(block_bytes, end - at_)), at_);
+      if (n == 0) throw StorageError(path_, "became shorter while it was written");
+      content_.add(buffer_.data(), n);
+      if (part != nullptr) part->add(buffer_.data(), n);
+      if (slice != nullptr) slice->add(buffer_.data(), n);
+      at_ += n;
     }
-  };
-  for (const FilePart* part : parts) {
-    pass(part->offset);
-    pass(part->offset + part->bytes);
-    if (inside.value() != part->hash)
-      throw StorageError(
-          path, "what was read back of " + part->name + " is not what was written: the disk or memory is at fault");
   }
-  pass(header.file_bytes);
-  return content.value();
+
+  /// A part, which must hold what its writers had in memory. Returns its hash.
+  FilePart pass_part(const WrittenPart& written) {
+    pass(written.offset);
+    const bool is_one = written.slices.size() == 1;
+    HashStream whole, inside;
+    for (const Slice& slice : written.slices) {
+      inside.reset();
+      pass(at_ + slice.bytes, is_one ? nullptr : &whole, &inside);
+      if (inside.value() != slice.hash)
+        throw StorageError(path_, "what was read back of " + written.name +
+                                      " is not what was written: the disk or memory is at fault");
+    }
+    return {written.name, written.offset, at_ - written.offset, is_one ? inside.value() : whole.value()};
+  }
+
+  Hash128 content() const { return content_.value(); }
+
+ private:
+  const FileHandle& file_;
+  const fs::path& path_;
+  std::uint64_t at_;
+  HashStream content_;
+  std::vector<char> buffer_ = std::vector<char>(block_bytes);
+};
+
+/// Fills in the hashes of a header.
+void hash_content(const FileHandle& file, const fs::path& path, std::vector<WrittenPart> parts, SealHeader& header) {
+  std::sort(parts.begin(), parts.end(), [](const WrittenPart& a, const WrittenPart& b) { return a.offset < b.offset; });
+  ReadBack back(file, path, header.header_bytes);
+  for (const WrittenPart& part : parts) header.parts.push_back(back.pass_part(part));
+  back.pass(header.file_bytes);
+  header.content = back.content();
 }
 
 std::string seal_text(const SealHeader& header) {
@@ -89,7 +101,8 @@ std::string seal_text(const SealHeader& header) {
   for (const FilePart& part : header.parts)
     text += "part " + std::to_string(part.offset) + ' ' + std::to_string(part.bytes) + ' ' + part.hash.text() + ' ' +
             part.name + '\n';
-  return text + "seal " + hash_bytes(text.data(), text.size()).text() + '\n';
+  for (const RankFile& file : header.rank_files) text += "rank-file " + file.seal.text() + ' ' + file.name + '\n';
+  return text;
 }
 
 /// Takes text apart, word by word; every reader returns false at the first thing out of place.
@@ -152,10 +165,15 @@ bool parse_rest(Scanner& scan, std::string_view block, SealHeader& header) {
       return false;
     header.parts.push_back(std::move(part));
   }
+  while (scan.literal("rank-file ")) {
+    RankFile file;
+    if (!scan.hash(file.seal) || !scan.literal(" ") || !scan.until('\n', file.name) || !scan.literal("\n"))
+      return false;
+    header.rank_files.push_back(std::move(file));
+  }
   const std::size_t sealed = scan.position();
-  Hash128 seal;
-  if (!scan.literal("seal ") || !scan.hash(seal) || !scan.literal("\n")) return false;
-  if (seal != hash_bytes(block.data(), sealed)) return false;
+  if (!scan.literal("seal ") || !scan.hash(header.seal) || !scan.literal("\n")) return false;
+  if (header.seal != hash_bytes(block.data(), sealed)) return false;
   const std::string_view padding = block.substr(scan.position());
   return std::all_of(padding.begin(), padding.end(), [](char c) { return c == '\0'; });
 }
@@ -186,33 +204,10 @@ std::string damaged_parts(const FileHandle& file, const SealHeader& header) {
   return "is damaged: " + joined(names, ", ") + (names.size() == 1 ? " does" : " do") + " not agree with the checksum";
 }
 
-}  // namespace
-
-Hash128 hash_bytes(const void* bytes, std::size_t n) { return from_xxhash(XXH3_128bits(bytes, n)); }
-
-std::uint64_t seal_size(std::size_t n_parts, std::size_t n_name_characters) {
-  const std::size_t longest_part = 5 + 21 + 21 + 33 + 1;  // "part ", two numbers, hash, newline
-  const std::size_t needed = 256 + n_parts * longest_part + n_name_characters;
-  std::uint64_t size = smallest_header;
-  while (size < needed) size *= 2;
-  return size;
-}
-
-void seal_file(const fs::path& written, const fs::path& path, const std::string& kind, std::uint64_t header_bytes,
-               std::vector<FilePart> parts) {
-  FileHandle file(written, O_RDWR, path);
-  SealHeader header{kind, file_format, header_bytes, file.size(), {}, std::move(parts)};
-  header.content = hash_content(file, path, header);
-  std::string text = seal_text(header);
-  if (text.size() > header_bytes) throw std::logic_error("the seal does not fit into its user block");
-  text.resize(header_bytes, '\0');
-  file.write(text.data(), text.size(), 0);
-  file.sync();
-  file.close();
-}
-
-std::optional<SealHeader> check_seal(const fs::path& path, const std::vector<std::string>& kinds) {
-  const FileHandle file(path, O_RDONLY);
+/// The header of a sealed file, checked against its own hash and the file's size; no `kinds` accept any. Nothing for a
+/// plain HDF5 file.
+std::optional<SealHeader> read_header(const FileHandle& file, const fs::path& path,
+                                      const std::vector<std::string>& kinds) {
   const std::string expected = "expected a Moraine " + joined(kinds, " or ");
   std::string block(smallest_header, '\0');
   block.resize(file.read(block.data(), block.size(), 0));
@@ -227,7 +222,7 @@ std::optional<SealHeader> check_seal(const fs::path& path, const std::vector<std
   if (header.format > file_format)
     throw StorageError(path, "is written in format " + std::to_string(header.format) + ", newer than format " +
                                  std::to_string(file_format) + " of this program: use a newer Moraine");
-  if (std::find(kinds.begin(), kinds.end(), header.kind) == kinds.end())
+  if (!kinds.empty() && std::find(kinds.begin(), kinds.end(), header.kind) == kinds.end())
     throw StorageError(path, "is a Moraine " + header.kind + ", " + expected);
 
   const std::uint64_t header_bytes = announced_header(block);
@@ -245,10 +240,83 @@ std::optional<SealHeader> check_seal(const fs::path& path, const std::vector<std
   if (size != header.file_bytes)
     throw StorageError(path, (size < header.file_bytes ? "is cut short: " : "is too long: ") + std::to_string(size) +
                                  " of " + std::to_string(header.file_bytes) + " bytes");
-  std::vector<char> buffer;
-  if (hash_range(file, header_bytes, size, buffer) != header.content)
-    throw StorageError(path, damaged_parts(file, header));
   return header;
+}
+
+}  // namespace
+
+struct HashStream::State {
+  XXH3_state_t* xxhash = XXH3_createState();
+  State() = default;
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+  ~State() { XXH3_freeState(xxhash); }
+};
+
+HashStream::HashStream() : state_(std::make_unique<State>()) { reset(); }
+HashStream::~HashStream() = default;
+void HashStream::reset() { XXH3_128bits_reset(state_->xxhash); }
+void HashStream::add(const void* bytes, std::size_t n) { XXH3_128bits_update(state_->xxhash, bytes, n); }
+Hash128 HashStream::value() const { return from_xxhash(XXH3_128bits_digest(state_->xxhash)); }
+
+Hash128 hash_bytes(const void* bytes, std::size_t n) { return from_xxhash(XXH3_128bits(bytes, n)); }
+
+std::uint64_t seal_size(std::size_t n_parts, std::size_t n_name_characters) {
+  const std::size_t longest_part = 5 + 21 + 21 + 33 + 1;  // "part ", two numbers, hash, newline
+  const std::size_t needed = 256 + n_parts * longest_part + n_name_characters;
+  std::uint64_t size = smallest_header;
+  while (size < needed) size *= 2;
+  return size;
+}
+
+Hash128 seal_file(const fs::path& written, const fs::path& path, const std::string& kind, std::uint64_t header_bytes,
+                  const std::vector<WrittenPart>& parts, const std::vector<RankFile>& rank_files) {
+  FileHandle file(written, O_RDWR, path);
+  const int format = rank_files.empty() ? whole_file_format : file_format;
+  SealHeader header{kind, format, header_bytes, file.size(), {}, {}, rank_files, {}};
+  hash_content(file, path, parts, header);
+  std::string text = seal_text(header);
+  header.seal = hash_bytes(text.data(), text.size());
+  text += "seal " + header.seal.text() + '\n';
+  if (text.size() > header_bytes) throw std::logic_error("the seal does not fit into its user block");
+  text.resize(header_bytes, '\0');
+  file.write(text.data(), text.size(), 0);
+  file.sync();
+  file.close();
+  return header.seal;
+}
+
+std::optional<SealHeader> check_seal(const fs::path& path, const std::vector<std::string>& kinds) {
+  const FileHandle file(path, O_RDONLY);
+  const std::optional<SealHeader> header = read_header(file, path, kinds);
+  if (!header) return std::nullopt;
+  std::vector<char> buffer;
+  if (hash_range(file, header->header_bytes, header->file_bytes, buffer) != header->content)
+    throw StorageError(path, damaged_parts(file, *header));
+  return header;
+}
+
+void check_rank_file(const fs::path& path, const RankFile& file) {
+  const std::string begin = "cannot be used: its part " + file.name + ' ';
+  const fs::path place = path.parent_path() / file.name;
+  std::error_code error;
+  if (!fs::exists(place, error)) throw StorageError(path, begin + "is missing");
+  try {
+    const std::optional<SealHeader> header = check_seal(place, {rank_file_kind});
+    if (!header || header->seal != file.seal) throw StorageError(place, "belongs to another file");
+  } catch (const StorageError& failure) {
+    throw StorageError(path, begin + failure.problem);
+  }
+}
+
+std::optional<std::vector<RankFile>> listed_rank_files(const fs::path& path) {
+  try {
+    const FileHandle file(path, O_RDONLY);
+    const std::optional<SealHeader> header = read_header(file, path, {});
+    return header ? header->rank_files : std::vector<RankFile>();
+  } catch (const StorageError&) {
+    return std::nullopt;
+  }
 }
 
 }  // namespace moraine

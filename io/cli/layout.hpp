@@ -1,8 +1,12 @@
 // How many ranks and threads a run uses.
 #pragma once
 
+#include <optional>
 #include <stdexcept>
 #include <string>
+#include <vector>
+
+#include "comm/world.hpp"
 
 namespace moraine {
 
@@ -14,13 +18,39 @@ struct UsageError : std::runtime_error {
 struct Layout {
   int ranks = 1;
   int threads = 1;
+  long long total() const { return static_cast<long long>(ranks) * threads; }
   std::string text() const { return std::to_string(ranks) + 'x' + std::to_string(threads); }
 };
 
-/// Cores that this process may use (its CPU set, so that Slurm's and a user's binding count).
+/// The CPUs that this process was started with, in order, so that Slurm's and a user's binding count. What has happened
+/// to its main thread since then does not: OpenMP binds it on its own where OMP_PROC_BIND says so.
+std::vector<int> available_cpus();
+/// How many they are.
 int available_cores();
+/// Gives the calling thread the CPUs back that the process was started with: for what it starts.
+void take_back_cpus();
 
 /// "auto" or "RxT", such as "1x8". Throws UsageError that says what was expected.
 Layout parse_layout(const std::string& text);
+
+/// The CPUs of a rank, and the node that they belong to.
+struct RankCpus {
+  std::string node;
+  std::vector<int> cpus;  // in order
+};
+/// How many threads each rank can have, so that ranks that may run on the same CPUs share them; at least 1.
+int threads_for_each(const std::vector<RankCpus>& ranks);
+/// True where some CPUs have more threads than they are.
+bool are_crowded(const std::vector<RankCpus>& ranks, int threads);
+
+/// The layout of a run whose ranks a launcher has started.
+struct GivenLayout {
+  Layout layout;
+  bool is_crowded = false;
+};
+/// The ranks are those given; `asked` (--layout) must agree with them (UsageError), `of_scene` counts where it does.
+/// "auto": the cores of each rank. All ranks call it, and get the same.
+GivenLayout layout_of_given_ranks(const std::optional<std::string>& asked, const std::string& of_scene,
+                                  const World& world);
 
 }  // namespace moraine

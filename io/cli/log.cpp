@@ -1,12 +1,12 @@
 #include "io/cli/log.hpp"
 
 #include <fcntl.h>
-#include <sys/ioctl.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
 #include <ctime>
+
+#include "io/cli/launch.hpp"
 
 namespace moraine {
 
@@ -21,11 +21,6 @@ std::string time_of_day() {
   return text;
 }
 
-std::size_t terminal_width() {
-  winsize size{};
-  return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80u;
-}
-
 }  // namespace
 
 void Log::print(std::FILE* stream, const std::string& text) const {
@@ -34,7 +29,13 @@ void Log::print(std::FILE* stream, const std::string& text) const {
   std::fflush(stream);
 }
 
-bool Log::is_terminal() const { return isatty(STDERR_FILENO) != 0; }
+Log Log::mute() {
+  Log log(true);
+  log.is_mute_ = true;
+  return log;
+}
+
+bool Log::is_terminal() const { return terminal_width().has_value(); }
 
 void Log::open(const std::filesystem::path& path) {
   file_ = std::make_unique<FileHandle>(path, O_WRONLY | O_CREAT);
@@ -45,6 +46,7 @@ void Log::open(const std::filesystem::path& path) {
 }
 
 void Log::record(const std::string& text) {
+  if (is_mute_) return;
   const std::string now = time_of_day();
   std::string lines;
   for (std::size_t at = 0; at < text.size();) {
@@ -86,11 +88,12 @@ void Log::error(const std::string& text) {
 void Log::note(const std::string& text) { record(text); }
 
 void Log::progress(const std::string& line) {
-  if (!is_terminal()) {
+  const std::optional<std::size_t> width = terminal_width();
+  if (!width) {
     print(stderr, line + '\n');
     return;
   }
-  print(stderr, "\r\x1b[K" + line.substr(0, terminal_width() - 1));
+  print(stderr, "\r\x1b[K" + line.substr(0, *width - 1));
   has_progress_ = true;
 }
 

@@ -14,6 +14,8 @@ class Log {
  public:
   /// To the terminal only, until open(). A quiet one says nothing there.
   explicit Log(bool is_quiet = false) : is_quiet_(is_quiet) {}
+  /// One that says nothing and writes nothing: for all ranks but the root.
+  static Log mute();
   /// From here on also to a file, appended to what it holds; what was said so far goes there first. Throws StorageError.
   void open(const std::filesystem::path& path);
 
@@ -35,6 +37,7 @@ class Log {
   std::string waiting_;    // said before open()
   bool has_progress_ = false;
   bool is_quiet_ = false;
+  bool is_mute_ = false;
 };
 
 }  // namespace moraine

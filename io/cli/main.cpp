@@ -1,8 +1,9 @@
 // The program moraine.
 //
-// Exit codes: 0 all is well; 1 a run could not go on (its checkpoints stay), a disk is full, or two files differ; 2 the scene, the
-// command line or a file to be read is wrong, and nothing was done; 130 (SIGINT), 143 (SIGTERM), 129 (SIGHUP) the run
-// was ended by that signal and has written a checkpoint.
+// Exit codes: 0 all is well; 1 a run could not go on (its checkpoints stay), a disk is full, or two files differ; 2 the
+// scene, the command line or a file to be read is wrong, and nothing was done; 130 (SIGINT), 143 (SIGTERM), 129
+// (SIGHUP) the run was ended by that signal and has written a checkpoint. Under a launcher every rank comes by here;
+// what is said is the root's.
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -12,9 +13,11 @@
 #include <functional>
 #include <memory>
 #include <new>
+#include <sstream>
 
 #include "engine/run/simulation.hpp"
 #include "io/cli/check_command.hpp"
+#include "io/cli/failure.hpp"
 #include "io/cli/file_commands.hpp"
 #include "io/cli/layout.hpp"
 #include "io/cli/project_command.hpp"
@@ -35,15 +38,19 @@ void print(const std::string& text) {
   if (!text.empty() && text.back() != '\n') std::fputc('\n', stdout);
 }
 
-int complain(const std::string& text, int code) {
-  std::fprintf(stderr, "error: %s\n", text.c_str());
-  return code;
-}
+void complain(const std::string& text) { std::fprintf(stderr, "error: %s\n", text.c_str()); }
 
-/// Every problem of a scene stands on a line of its own already.
-int list_problems(const std::string& problems) {
-  std::fprintf(stderr, "%s\n", problems.c_str());
-  return exit_code::bad_input;
+/// What an error says, and the exit code that it ends in.
+struct Fault {
+  std::string text;
+  int code = exit_code::failed;
+};
+
+/// A wrong scene or request is found by every rank alike; the others are of the rank that they happen on.
+Fault bad_input(const std::string& text) { return {"error: " + text, exit_code::bad_input}; }
+Fault fault_of_rank(const World& world, const std::string& text) {
+  return {(world.is_alone() ? "error: " : "error: rank " + std::to_string(world.rank()) + ": ") + text,
+          exit_code::failed};
 }
 
 void add_scene_options(CLI::App& command, std::filesystem::path& scene, std::vector<std::string>& overrides,
@@ -57,9 +64,10 @@ void add_scene_options(CLI::App& command, std::filesystem::path& scene, std::vec
   command.add_option("--layout", layout, "RANKSxTHREADS, or auto: all cores that this process may use");
 }
 
-void add_run(CLI::App& app, Command& chosen, Log& log) {
+void add_run(CLI::App& app, Command& chosen, const World& world, Log& log, std::vector<std::string> command_line) {
   auto* command = app.add_subcommand("run", "runs a scene");
   auto request = std::make_shared<RunRequest>();
+  request->command_line = std::move(command_line);
   add_scene_options(*command, request->scene_file, request->overrides, request->layout);
   command->add_option("--out", request->out,
                       "directory for the results (default: runs/NAME, or the next free NAME-2 ...)");
@@ -72,7 +80,9 @@ void add_run(CLI::App& app, Command& chosen, Log& log) {
     return CLI::detail::lexical_cast(text, value) && value > 0.0 ? std::string()
                                                                  : "expected a time above 0 [s], found " + text;
   });
-  command->callback([&chosen, &log, request] { chosen = [&log, request] { return run_scene(*request, log); }; });
+  command->callback([&chosen, &world, &log, request] {
+    chosen = [&world, &log, request] { return run_scene(*request, log, world); };
+  });
 }
 
 void add_check(CLI::App& app, Command& chosen) {
@@ -208,24 +218,37 @@ std::string command_names(const CLI::App& app) {
   return names;
 }
 
-int carry_out(const Command& command, bool is_run) {
+/// Does it; of a fault it gives account.
+std::optional<Fault> try_out(const Command& command, bool is_run, const World& world, int& code) {
   try {
-    return command();
-  } catch (const SceneFileError& error) {
-    return list_problems(error.what());
+    code = command();
+    return std::nullopt;
+  } catch (const SceneFileError& error) {  // each problem stands on a line of its own already
+    return Fault{error.what(), exit_code::bad_input};
   } catch (const SceneError& error) {
-    return list_problems(error.what());
+    return Fault{error.what(), exit_code::bad_input};
   } catch (const UsageError& error) {
-    return complain(error.what(), exit_code::bad_input);
+    return bad_input(error.what());
   } catch (const ExportError& error) {
-    return complain(error.what(), exit_code::bad_input);
+    return bad_input(error.what());
   } catch (const StorageError& error) {
-    return complain(error.what(), is_run ? exit_code::failed : exit_code::bad_input);
+    return is_run ? fault_of_rank(world, error.what()) : bad_input(error.what());
   } catch (const std::bad_alloc&) {
-    return complain("there is not enough memory", exit_code::failed);
+    return fault_of_rank(world, "there is not enough memory");
   } catch (const std::exception& error) {
-    return complain(error.what(), exit_code::failed);
+    return fault_of_rank(world, error.what());
   }
+}
+
+int carry_out(const Command& command, bool is_run, const World& world) {
+  if (!is_run && !world.is_root()) return exit_code::good;  // looking at files is work for one
+  int code = exit_code::good;
+  const std::optional<Fault> fault = try_out(command, is_run, world, code);
+  if (!fault) return code;
+  const auto say = [&] { std::fprintf(stderr, "%s\n", fault->text.c_str()); };
+  if (is_run && !world.is_alone()) end_job(world, fault->code, say);
+  say();
+  return fault->code;
 }
 
 /// Threads that wait for each other spin before they sleep. By default they spin for milliseconds, which on a machine that others
@@ -234,19 +257,27 @@ int carry_out(const Command& command, bool is_run) {
 void spin_briefly(char** argv) {
   if (std::getenv("GOMP_SPINCOUNT") || std::getenv("OMP_WAIT_POLICY")) return;
   setenv("GOMP_SPINCOUNT", "10000", 1);
+  take_back_cpus();               // the runtime may have bound this thread to one of them
   execv("/proc/self/exe", argv);  // returns only where it failed: then it spins
 }
 
-}  // namespace
+/// By which mpirun is to start this program again.
+std::vector<std::string> own_command_line(int argc, char** argv) {
+  std::error_code error;
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
+  std::vector<std::string> words = {error ? std::string(argv[0]) : program.string()};
+  words.insert(words.end(), argv + 1, argv + argc);
+  return words;
+}
 
-int main(int argc, char** argv) {
-  spin_briefly(argv);
+/// The command line, read and carried out by all ranks.
+int run_program(int argc, char** argv, const World& world) {
   CLI::App app("Moraine: how grains flow. One scene file, all cores, the same bits on any number of them.", "moraine");
   app.set_version_flag("--version", program_identity());
   app.require_subcommand(1);
   Command chosen;
-  Log log;
-  add_run(app, chosen, log);
+  Log log = world.is_root() ? Log() : Log::mute();
+  add_run(app, chosen, world, log, own_command_line(argc, argv));
   add_check(app, chosen);
   add_project(app, chosen);
   add_info(app, chosen);
@@ -255,16 +286,31 @@ int main(int argc, char** argv) {
   add_render(app, chosen);
   add_keys(app, chosen);
   if (argc < 2) {
-    std::fputs(app.help().c_str(), stderr);
+    if (world.is_root()) std::fputs(app.help().c_str(), stderr);
     return exit_code::bad_input;
   }
-  if (argv[1][0] != '-' && !has_command(app, argv[1]))
-    return complain("unknown command \"" + std::string(argv[1]) + "\"; there are " + command_names(app),
-                    exit_code::bad_input);
+  if (argv[1][0] != '-' && !has_command(app, argv[1])) {
+    if (world.is_root()) complain("unknown command \"" + std::string(argv[1]) + "\"; there are " + command_names(app));
+    return exit_code::bad_input;
+  }
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? exit_code::good : exit_code::bad_input;
+    std::ostringstream nowhere;
+    const int code = world.is_root() ? app.exit(error) : app.exit(error, nowhere, nowhere);
+    return code == 0 ? exit_code::good : exit_code::bad_input;
   }
-  return carry_out(chosen, app.got_subcommand("run"));
+  return carry_out(chosen, app.got_subcommand("run"), world);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  spin_briefly(argv);
+  try {
+    return run_program(argc, argv, World::join());
+  } catch (const std::exception& error) {
+    complain(error.what());
+    return exit_code::failed;
+  }
 }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "io/cli/progress.hpp"
 #include "io/cli/text.hpp"
@@ -61,22 +62,31 @@ bool is_taken(const std::vector<Probe>& probes, const std::string& name) {
 Outputs::Outputs(const fs::path& directory, const Simulation& simulation, RunRecord record,
                  std::optional<std::uint64_t> restart, Log& log)
     : directory_(directory),
+      world_(simulation.world()),
       record_(std::move(record)),
       log_(&log),
       fields_(snapshot_fields(simulation.scene().output.fields)),
       checkpoints_kept_(simulation.scene().output.checkpoints_kept),
+      is_distributed_(simulation.scene().output.distributed),
+      keeps_energy_(simulation.scene().output.energy),
       snapshots_(simulation.scene().output.snapshot_interval, simulation.time_step()),
-      checkpoints_(simulation.scene().output.checkpoint_interval, simulation.time_step()),
-      series_(directory) {
-  if (restart)
-    drop_later_outputs(*restart);
-  else if (series_.size() > 0)
-    series_.drop_from(0);
+      checkpoints_(simulation.scene().output.checkpoint_interval, simulation.time_step()) {
+  if (world_.is_root()) open_series(restart);
+  world_.wait_for_all();  // nobody looks at files that are being removed
+  if (!world_.is_root()) series_.emplace(directory_);
   open_tables(simulation, restart);
 }
 
+void Outputs::open_series(std::optional<std::uint64_t> restart) {
+  series_.emplace(directory_);
+  if (restart)
+    drop_later_outputs(*restart);
+  else if (series_->size() > 0)
+    series_->drop_from(0);
+}
+
 void Outputs::drop_later_outputs(std::uint64_t restart) {
-  const int n_dropped = series_.drop_from(first_open_snapshot(restart));
+  const int n_dropped = series_->drop_from(first_open_snapshot(restart));
   if (n_dropped > 0)
     log_->say(
         fmt::format("{} later than the restart dropped", counted(static_cast<std::uint64_t>(n_dropped), "snapshot")));
@@ -109,13 +119,15 @@ void Outputs::open_tables(const Simulation& simulation, std::optional<std::uint6
     std::vector<std::string> columns = simulation.probe_columns(i);
     const bool has_time = !columns.empty() && columns[0].starts_with("time");
     if (!has_time) columns.insert(columns.begin(), "time [s]");
-    probes_.push_back({i, Schedule(output.probes[i].interval, simulation.time_step()),
-                       TableFile(directory_ / (output.probes[i].name + ".csv"), columns, probe_rows), has_time});
+    probes_.push_back({i, Schedule(output.probes[i].interval, simulation.time_step()), has_time, {}});
+    if (world_.is_root())
+      probes_.back().table.emplace(directory_ / (output.probes[i].name + ".csv"), columns, probe_rows);
   }
+  if (!world_.is_root()) return;
   const auto free_name = [&](const char* name, const char* other) {
     return directory_ / (std::string(is_taken(output.probes, name) ? other : name) + ".csv");
   };
-  if (output.energy) energy_.emplace(free_name("energy", "energy_ledger"), energy_columns, snapshot_rows);
+  if (keeps_energy_) energy_.emplace(free_name("energy", "energy_ledger"), energy_columns, snapshot_rows);
   hashes_.emplace(free_name("hashes", "state_hashes"), std::vector<std::string>{"time [s]", "state_hash"},
                   snapshot_rows);
 }
@@ -150,27 +162,36 @@ void Outputs::write_probes(Simulation& simulation) {
     if (!probe.schedule.is_due(step)) continue;
     std::vector<double> values = simulation.probe_row(probe.probe);
     if (!probe.has_time) values.insert(values.begin(), simulation.time());
-    probe.table.add(step, values);
+    if (probe.table) probe.table->add(step, values);
   }
 }
 
 void Outputs::write_energy(const Simulation& simulation) {
-  if (!energy_) return;
+  if (!keeps_energy_) return;
   const EnergyLedger ledger = simulation.energy();
+  if (!energy_) return;
   energy_->add(simulation.step_number(), energy_values(simulation.time(), ledger));
   log_->note(energy_line(simulation.time(), ledger));
 }
 
 void Outputs::write_snapshot_now(const Simulation& simulation) {
   const std::uint64_t step = simulation.step_number();
-  if (series_.contains(step)) return;
+  std::uint64_t is_there = world_.is_root() && series_->contains(step) ? 1 : 0;
+  world_.max(std::span(&is_there, 1));
+  if (is_there != 0) return;
   const WallClock clock;
   const Image image = simulation.snapshot(fields_);
   check_grains(simulation, image);
-  series_.add(image);
-  hashes_->add_text(step, {number_text(simulation.time()), image.hash.text()});
+  series_->add(image, world_, is_distributed_);
+  if (hashes_) hashes_->add_text(step, {number_text(simulation.time()), image.hash.text()});
   write_energy(simulation);
   seconds_ += clock.seconds();
+}
+
+void Outputs::sync_tables() {
+  for (ProbeTable& probe : probes_) probe.table->sync();
+  if (energy_) energy_->sync();
+  hashes_->sync();
 }
 
 void Outputs::write_checkpoint_now(const Simulation& simulation) {
@@ -178,15 +199,16 @@ void Outputs::write_checkpoint_now(const Simulation& simulation) {
   if (last_checkpoint_step_ == step) return;
   const WallClock clock;
   // The series first: a restart counts on the rows up to its step.
-  for (ProbeTable& probe : probes_) probe.table.sync();
-  if (energy_) energy_->sync();
-  hashes_->sync();
-  make_directory(checkpoint_directory(directory_));
+  if (world_.is_root()) {
+    sync_tables();
+    make_directory(checkpoint_directory(directory_));
+  }
+  world_.wait_for_all();  // for the directory
   const fs::path path = checkpoint_directory(directory_) / checkpoint_name(step);
-  write_checkpoint(path, simulation.checkpoint(), record_);
+  write_checkpoint(path, simulation.checkpoint(), record_, world_, is_distributed_);
   last_checkpoint_ = path;
   last_checkpoint_step_ = step;
-  remove_old_checkpoints(directory_, checkpoints_kept_);
+  if (world_.is_root()) remove_old_checkpoints(directory_, checkpoints_kept_);
   log_->note(fmt::format("checkpoint at {:.6g} s, step {}: {}", simulation.time(), step, path.string()));
   seconds_ += clock.seconds();
 }

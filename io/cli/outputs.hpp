@@ -16,6 +16,8 @@
 
 namespace moraine {
 
+/// All ranks of the simulation make the same calls at the same steps. Tables, the series and the removal of what is old
+/// are the root's.
 class Outputs {
  public:
   /// Opens the files of a run directory that exists. With `restart`, what lies behind that step is
@@ -36,7 +38,8 @@ class Outputs {
   void write_checkpoint_now(const Simulation& simulation);
 
   std::optional<std::filesystem::path> last_checkpoint() const { return last_checkpoint_; }
-  std::size_t n_snapshots() const { return series_.size(); }
+  /// At the root.
+  std::size_t n_snapshots() const { return series_->size(); }
   /// Wall-clock time spent on writing [s].
   double seconds() const { return seconds_; }
 
@@ -44,28 +47,32 @@ class Outputs {
   struct ProbeTable {
     std::size_t probe;
     Schedule schedule;
-    TableFile table;
-    bool has_time;  // the probe's own first column is the time
+    bool has_time;                   // the probe's own first column is the time
+    std::optional<TableFile> table;  // of the root
   };
 
+  void open_series(std::optional<std::uint64_t> restart);
   void drop_later_outputs(std::uint64_t restart);
   std::uint64_t first_open_snapshot(std::uint64_t restart) const;
   void set_later_checkpoints_aside(std::uint64_t restart);
   void open_tables(const Simulation& simulation, std::optional<std::uint64_t> restart);
+  void sync_tables();
   void write_probes(Simulation& simulation);
   void write_energy(const Simulation& simulation);
   void check_grains(const Simulation& simulation, const Image& image) const;
 
   std::filesystem::path directory_;
+  World world_;
   RunRecord record_;
   Log* log_;
   std::vector<std::string> fields_;
   int checkpoints_kept_;
+  bool is_distributed_, keeps_energy_;
   Schedule snapshots_, checkpoints_;
-  SnapshotSeries series_;
+  std::optional<SnapshotSeries> series_;  // of the root, and of the others once it has dropped what is old
   std::vector<ProbeTable> probes_;
-  std::optional<TableFile> energy_;
-  std::optional<TableFile> hashes_;
+  std::optional<TableFile> energy_;  // of the root
+  std::optional<TableFile> hashes_;  // of the root
   std::optional<std::filesystem::path> last_checkpoint_;
   std::optional<std::uint64_t> last_checkpoint_step_;
   double seconds_ = 0.0;

@@ -4,13 +4,20 @@
 
 #include <algorithm>
 #include <cctype>
+#include <csignal>
 #include <cstdio>
+#include <cstring>
+#include <functional>
+#include <new>
+#include <span>
 #include <sstream>
 #include <string_view>
 
 #include "engine/run/simulation.hpp"
 #include "io/checkpoint/checkpoint.hpp"
+#include "io/cli/failure.hpp"
 #include "io/cli/interrupt.hpp"
+#include "io/cli/launch.hpp"
 #include "io/cli/layout.hpp"
 #include "io/cli/outputs.hpp"
 #include "io/cli/progress.hpp"
@@ -39,6 +46,13 @@ std::optional<std::uint64_t> kept_until(const Start& start) {
   return start.checkpoint->image.step;
 }
 
+/// What the root finds in the file system, at all ranks: it may change while they look, and one that looks is enough.
+fs::path found_by_root(const World& world, const std::function<fs::path()>& find) {
+  std::string path = world.is_root() ? find().string() : std::string();
+  world.broadcast(path);
+  return path;
+}
+
 /// A run that ended before its first checkpoint: the same scene starts anew in its place, as it will write the same files
 /// again; another scene's are not touched.
 fs::path restarted_from_nothing(const RunRequest& request, const Scene& scene, const fs::path& found, Log& log) {
@@ -51,20 +65,26 @@ fs::path restarted_from_nothing(const RunRequest& request, const Scene& scene, c
   return new_run_directory(request.scene_file, scene, request.out);
 }
 
-Start start_auto(const RunRequest& request, const Scene& scene, Log& log) {
-  Start start;
+/// Where the run is that `--restart auto` goes on with; empty where there is none.
+fs::path run_to_go_on_with(const RunRequest& request, const Scene& scene) {
   const std::optional<fs::path> found = request.out ? request.out : newest_run_directory(request.scene_file, scene);
-  if (!found || !holds_run(*found)) {
+  return found && holds_run(*found) ? *found : fs::path();
+}
+
+Start start_auto(const RunRequest& request, const Scene& scene, const World& world, Log& log) {
+  Start start;
+  const fs::path found = found_by_root(world, [&] { return run_to_go_on_with(request, scene); });
+  if (found.empty()) {
     log.say("nothing to go on from yet: starting from the beginning");
-    start.directory = new_run_directory(request.scene_file, scene, request.out);
+    start.directory = found_by_root(world, [&] { return new_run_directory(request.scene_file, scene, request.out); });
     return start;
   }
-  std::optional<LatestCheckpoint> latest = find_latest_checkpoint(*found);
+  std::optional<LatestCheckpoint> latest = find_latest_checkpoint(found, world);
   if (!latest) {
-    start.directory = restarted_from_nothing(request, scene, *found, log);
+    start.directory = found_by_root(world, [&] { return restarted_from_nothing(request, scene, found, log); });
     return start;
   }
-  start.directory = *found;
+  start.directory = found;
   for (const std::string& warning : latest->warnings) log.warn(warning + "; taking the one before it");
   start.checkpoint = std::move(latest->checkpoint);
   start.checkpoint_path = latest->path;
@@ -72,26 +92,31 @@ Start start_auto(const RunRequest& request, const Scene& scene, Log& log) {
   return start;
 }
 
-Start find_checkpoint_and_place(const RunRequest& request, const Scene& scene, Log& log) {
-  if (request.restart == "auto") return start_auto(request, scene, log);
-  Start start;
-  if (!request.restart) {
-    start.directory = new_run_directory(request.scene_file, scene, request.out);
-    return start;
-  }
-  start.checkpoint_path = *request.restart;
-  start.checkpoint = read_checkpoint(start.checkpoint_path);
-  const std::optional<fs::path> own = run_directory_of(start.checkpoint_path);
+/// The run directory that a checkpoint lies in, where the run is to go on there; empty where it is to go on elsewhere.
+fs::path own_directory(const RunRequest& request, const fs::path& checkpoint) {
+  const std::optional<fs::path> own = run_directory_of(checkpoint);
   const bool is_own = own && (!request.out || (fs::exists(*request.out) && fs::equivalent(*own, *request.out)));
-  start.goes_on_in_directory = is_own;
-  start.directory = is_own ? *own : new_run_directory(request.scene_file, scene, request.out);
+  return is_own ? *own : fs::path();
+}
+
+Start find_checkpoint_and_place(const RunRequest& request, const Scene& scene, const World& world, Log& log) {
+  if (request.restart == "auto") return start_auto(request, scene, world, log);
+  Start start;
+  if (request.restart) {
+    start.checkpoint_path = *request.restart;
+    start.checkpoint = read_checkpoint(start.checkpoint_path, world);
+    start.directory = found_by_root(world, [&] { return own_directory(request, start.checkpoint_path); });
+    start.goes_on_in_directory = !start.directory.empty();
+  }
+  if (start.directory.empty())
+    start.directory = found_by_root(world, [&] { return new_run_directory(request.scene_file, scene, request.out); });
   return start;
 }
 
 /// A checkpoint that cannot be read is a bad request: nothing has been done yet.
-Start find_start(const RunRequest& request, const Scene& scene, Log& log) {
+Start find_start(const RunRequest& request, const Scene& scene, const World& world, Log& log) {
   try {
-    return find_checkpoint_and_place(request, scene, log);
+    return find_checkpoint_and_place(request, scene, world, log);
   } catch (const StorageError& error) {
     throw UsageError(error.what());
   }
@@ -151,9 +176,9 @@ void write_record(const Start& start, const RunRecord& record, const Layout& lay
   write_file(start.directory / "version.txt", program_identity() + "\nlayout " + layout.text() + '\n');
 }
 
-Simulation make_simulation(const Scene& scene, const Layout& layout, const Start& start) {
-  if (!start.checkpoint) return Simulation(scene, layout.threads);
-  Simulation simulation(scene, layout.threads, start.checkpoint->image);
+Simulation make_simulation(const Scene& scene, const Layout& layout, const Start& start, const World& world) {
+  if (!start.checkpoint) return Simulation(scene, layout.threads, world);
+  Simulation simulation(scene, layout.threads, start.checkpoint->image, world);
   const Hash128 restored = simulation.state_hash();
   if (!(restored == start.checkpoint->image.hash))
     throw StorageError(start.checkpoint_path, "cannot be gone on from: the state restored has the hash " +
@@ -194,7 +219,14 @@ std::string go_on_command(const RunRequest& request, const fs::path& directory) 
   return command + " --restart auto --out " + shell_quoted(directory.string());
 }
 
-/// One run from its first to its last step.
+std::string how_to_go_on(const RunRequest& request, const fs::path& directory,
+                         const std::optional<fs::path>& checkpoint) {
+  if (!checkpoint) return "there is no checkpoint to go on from yet";
+  return fmt::format("the last checkpoint is {}\nto go on from it: {}", checkpoint->string(),
+                     go_on_command(request, directory));
+}
+
+/// One run from its first to its last step; all ranks do the same, and what is said is the root's.
 class RunLoop {
  public:
   RunLoop(const RunRequest& request, const Start& start, const Layout& layout, Simulation& simulation, RunRecord record,
@@ -203,6 +235,7 @@ class RunLoop {
         directory_(start.directory),
         layout_(layout),
         simulation_(simulation),
+        world_(simulation.world()),
         log_(log),
         last_step_(last_step(request, simulation, log)),
         outputs_(start.directory, simulation, std::move(record), kept_until(start), log) {
@@ -216,11 +249,16 @@ class RunLoop {
     try {
       return go();
     } catch (const RunError& error) {
-      log_.error(error.what());
+      fail("", error.what());  // which says at which step
     } catch (const StorageError& error) {
-      report_without_disk(error.what());
+      fail(step_text(), error.what());
+    } catch (const std::bad_alloc&) {
+      if (world_.is_alone()) throw;
+      fail(step_text(), "there is not enough memory");
+    } catch (const std::exception& error) {
+      if (world_.is_alone()) throw;
+      fail(step_text(), error.what());  // here, where nothing has been taken apart yet that the other ranks wait for
     }
-    say_how_to_go_on();
     return exit_code::failed;
   }
 
@@ -228,7 +266,7 @@ class RunLoop {
   int go() {
     if (is_new_) outputs_.write_due(simulation_);
     Progress progress(log_, simulation_.step_number(), last_step_, simulation_.time_step());
-    while (simulation_.step_number() < last_step_ && InterruptGuard::signal() == 0) {
+    while (simulation_.step_number() < last_step_ && !is_to_stop()) {
       const WallClock clock;
       simulation_.step();
       times_.stepping += clock.seconds();
@@ -244,9 +282,15 @@ class RunLoop {
     return is_interrupted ? end_interrupted() : end_well();
   }
 
+  bool is_to_stop() {
+    if (InterruptGuard::signal() != 0) simulation_.ask_to_stop();
+    return simulation_.is_stop_agreed();
+  }
+
   void finish() {
     times_.outputs = outputs_.seconds();
     const std::string text = summary(simulation_, times_, directory_.string(), layout_.text());
+    if (!world_.is_root()) return;
     write_file(directory_ / "summary.txt", text + '\n');
     log_.say(text);
   }
@@ -261,37 +305,55 @@ class RunLoop {
   }
 
   int end_interrupted() {
-    const int signal = InterruptGuard::signal();
+    auto noted = static_cast<std::uint64_t>(InterruptGuard::signal());
+    world_.max(std::span(&noted, 1));  // not all ranks need have been told
+    const int signal = static_cast<int>(noted);
     finish();
     log_.say(fmt::format("ended by signal {} at {:.6g} s, checkpoint {}\nto go on: {}", signal, simulation_.time(),
                          outputs_.last_checkpoint()->string(), go_on_command(request_, directory_)));
     return exit_code::signal + signal;
   }
 
-  /// The log may lie on the disk that is full.
-  void report_without_disk(const std::string& text) {
-    try {
-      log_.error(text);
-    } catch (const StorageError&) {
-      std::fprintf(stderr, "error: %s\n", text.c_str());
+  std::string step_text() const { return fmt::format("step {}: ", simulation_.step_number()); }
+
+  /// Says what happened, where it is not known by itself also when. Of several ranks only this one may know: it speaks
+  /// for all, and ends them.
+  void fail(const std::string& when, const std::string& cause) {
+    if (world_.is_alone()) {
+      report(log_, cause);
+      return;
     }
+    end_job(world_, exit_code::failed, [&] {
+      const std::string text = fmt::format("rank {}: {}{}", world_.rank(), when, cause);
+      if (world_.is_root()) {
+        report(log_, text);
+        return;
+      }
+      Log log;
+      try {
+        log.open(directory_ / "log.txt");
+      } catch (const StorageError&) { /* the terminal will do */
+      }
+      report(log, text);
+    });
   }
 
-  void say_how_to_go_on() {
-    const std::optional<fs::path> checkpoint = outputs_.last_checkpoint() ? outputs_.last_checkpoint() : resume_from_;
-    const std::string text = checkpoint ? fmt::format("the last checkpoint is {}\nto go on from it: {}",
-                                                      checkpoint->string(), go_on_command(request_, directory_))
-                                        : "there is no checkpoint to go on from yet";
+  /// The log may lie on the disk that is full; what it says is on the terminal by then.
+  void report(Log& log, const std::string& text) {
     try {
-      log_.say(text);
-    } catch (const StorageError&) { /* said on the terminal all the same */
-    }
+      log.error(text);
+    } catch (const StorageError&) {}
+    const std::optional<fs::path> checkpoint = outputs_.last_checkpoint() ? outputs_.last_checkpoint() : resume_from_;
+    try {
+      log.say(how_to_go_on(request_, directory_, checkpoint));
+    } catch (const StorageError&) {}
   }
 
   const RunRequest& request_;
   fs::path directory_;
   Layout layout_;
   Simulation& simulation_;
+  World world_;
   Log& log_;
   std::uint64_t last_step_;
   Outputs outputs_;
@@ -312,31 +374,83 @@ void say_what_runs(const Scene& scene, const Simulation& simulation, const Start
                         start.checkpoint->image.step, start.checkpoint->image.time));
 }
 
-}  // namespace
-
-int run_scene(const RunRequest& request, Log& log) {
-  const WallClock clock;
-  std::vector<SceneMessage> warnings;
-  Scene scene = read_scene(request.scene_file, request.overrides, &warnings);
+/// Puts the results where they belong, from the first to the last of them.
+int run_in_place(const RunRequest& request, Scene& scene, const Start& start, const Layout& layout, const World& world,
+                 const WallClock& clock, Log& log) {
+  Simulation simulation = make_simulation(scene, layout, start, world);
+  scene.particles.clear();  // lists of start positions weigh as much as the grains
   const RunRecord record{scene_as_run(request.scene_file, request.overrides), program_version(), program_commit()};
-  const Layout layout = parse_layout(request.layout.value_or(scene.run.layout));
-  for (const SceneMessage& warning : warnings) log.warn(warning.text());
-  if (layout.threads > available_cores())
-    log.warn(fmt::format("layout {} asks for more threads than the {} cores that this process may use", layout.text(),
-                         available_cores()));
-  const Start start = find_start(request, scene, log);
-
-  const MadeDirectories made(
-      start.directory);  // before the scene is filled: a place that cannot be written is found at once
-  try {
-    Simulation simulation = make_simulation(scene, layout, start);
-    scene.particles.clear();  // lists of start positions weigh as much as the grains
+  if (world.is_root()) {
     log.open(start.directory / "log.txt");
     log.note(program_identity());
     write_record(start, record, layout, log);
-    log.say("results: " + start.directory.string());
-    say_what_runs(scene, simulation, start, layout, log);
-    return RunLoop(request, start, layout, simulation, record, clock.seconds(), log).run();
+  }
+  log.say("results: " + start.directory.string());
+  say_what_runs(scene, simulation, start, layout, log);
+  return RunLoop(request, start, layout, simulation, record, clock.seconds(), log).run();
+}
+
+/// What mpirun's job has left of the run, after a rank was ended by a signal.
+std::string how_to_go_on_after(const RunRequest& request, const Scene& scene, const fs::path& newest_before) {
+  const fs::path newest = newest_run_directory(request.scene_file, scene).value_or(fs::path());
+  const bool is_of_this_run = request.restart || newest != newest_before;
+  const fs::path directory = request.out ? *request.out : is_of_this_run ? newest : fs::path();
+  const std::vector<fs::path> checkpoints = directory.empty() ? std::vector<fs::path>() : list_checkpoints(directory);
+  return how_to_go_on(request, directory,
+                      checkpoints.empty() ? std::nullopt : std::optional<fs::path>(checkpoints.front()));
+}
+
+/// Who was ended by which signal; empty where nobody was.
+std::string killed_text(const JobEnd& end) {
+  const int signal = end.killed ? end.killed->signal : end.mpirun_killed;
+  if (signal == 0) return {};
+  const std::string who = end.killed ? fmt::format("rank {} on {}", end.killed->rank, end.killed->node) : "mpirun";
+  return fmt::format("{} was ended by signal {} ({}){}", who, signal, strsignal(signal),
+                     signal == SIGKILL ? ", as the system does where memory runs out" : "");
+}
+
+/// Starts the ranks of a layout, after everything has been looked at that can be wrong with the request.
+int run_on_ranks(const RunRequest& request, Scene& scene, const Layout& layout, Log& log) {
+  scene.particles.clear();  // it is the ranks who need them
+  if (!request.restart) new_run_directory(request.scene_file, scene, request.out);
+  const fs::path newest_before = newest_run_directory(request.scene_file, scene).value_or(fs::path());
+  const JobEnd end = run_as_ranks(layout, request.command_line);
+  const std::string cause = killed_text(end);
+  if (cause.empty()) return end.code;
+  if (end.signal != 0) {
+    log.say(fmt::format("ended by signal {} before the first step or after the last", end.signal));
+    return exit_code::signal + end.signal;
+  }
+  log.error(cause + "; the run has ended with it");
+  log.say(how_to_go_on_after(request, scene, newest_before));
+  return exit_code::failed;
+}
+
+}  // namespace
+
+int run_scene(const RunRequest& request, Log& log, const World& world) {
+  const WallClock clock;
+  std::vector<SceneMessage> warnings;
+  Scene scene = read_scene(request.scene_file, request.overrides, &warnings);
+  GivenLayout given;
+  if (World::is_launched()) {
+    given = layout_of_given_ranks(request.layout, scene.run.layout, world);
+  } else {
+    given.layout = parse_layout(request.layout.value_or(scene.run.layout));
+    given.is_crowded = given.layout.threads > available_cores();
+    if (given.layout.ranks > 1) return run_on_ranks(request, scene, given.layout, log);
+  }
+  for (const SceneMessage& warning : warnings) log.warn(warning.text());
+  if (given.is_crowded)
+    log.warn(fmt::format("layout {} asks for more threads than the {} cores that this process may use",
+                         given.layout.text(), available_cores()));
+  const Start start = find_start(request, scene, world, log);
+
+  if (!world.is_root()) return run_in_place(request, scene, start, given.layout, world, clock, log);
+  const MadeDirectories made(
+      start.directory);  // before the scene is filled: a place that cannot be written is found at once
+  try {
+    return run_in_place(request, scene, start, given.layout, world, clock, log);
   } catch (...) {
     made.remove_empty();
     throw;

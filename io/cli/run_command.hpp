@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "comm/world.hpp"
 #include "io/cli/log.hpp"
 
 namespace moraine {
@@ -17,6 +18,7 @@ struct RunRequest {
   std::optional<std::filesystem::path> out;  // none: see new_run_directory()
   std::optional<std::string> restart;        // "auto" or a checkpoint
   std::optional<double> until;               // [s]
+  std::vector<std::string> command_line;     // program and arguments of this request, to start ranks by
 };
 
 /// Exit codes of the program.
@@ -27,8 +29,10 @@ inline constexpr int bad_input = 2;  // scene, command line, files to be read: n
 inline constexpr int signal = 128;   // + the signal's number: ended by it, with a checkpoint (INT: 130, TERM: 143)
 }  // namespace exit_code
 
-/// Runs a scene to its end and returns the exit code. Bad scenes and requests throw (SceneFileError, SceneError, UsageError,
-/// StorageError) before anything is written; later errors are reported, with the checkpoint to go on from.
-int run_scene(const RunRequest& request, Log& log);
+/// Runs a scene to its end and returns the exit code; with a layout of several ranks, which no launcher has started, by
+/// starting them. All ranks of `world` (those that a launcher has started) call it; `log` is mute at all but the root.
+/// Bad scenes and requests throw (SceneFileError, SceneError, UsageError, StorageError) before anything is written;
+/// later errors are reported, with the checkpoint to go on from, and end the job where it has several ranks.
+int run_scene(const RunRequest& request, Log& log, const World& world = {});
 
 }  // namespace moraine

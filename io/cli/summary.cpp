@@ -4,6 +4,7 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <numeric>
 
 #include "io/cli/text.hpp"
 
@@ -13,25 +14,52 @@ namespace {
 
 constexpr double worth_a_row = 0.0005;  // of the whole
 
-std::string phase_table(const Simulation& simulation, const RunTimes& times) {
+/// Time of a phase over the ranks [s].
+struct RankTimes {
+  std::string name;
+  double mean = 0.0;
+  double largest = 0.0;
+};
+
+/// Where the time of this rank went.
+std::vector<PhaseTime> times_of_rank(const Simulation& simulation, const RunTimes& times) {
   std::vector<PhaseTime> rows = simulation.phases();
   // What the simulation sees as the time between its steps is ours to share out: start and output.
   std::erase_if(rows, [](const PhaseTime& row) { return row.name == "outside the step"; });
-  const auto sum = [&] {
-    double seconds = 0.0;
-    for (const PhaseTime& row : rows) seconds += row.seconds;
-    return seconds;
-  };
+  double in_phases = 0.0;
+  for (const PhaseTime& row : rows) in_phases += row.seconds;
   // Phases are those of the steps; what the steps took beyond them is shown, not hidden.
-  if (times.stepping > sum()) rows.push_back({"other", times.stepping - sum()});
+  rows.push_back({"other", std::max(times.stepping - in_phases, 0.0)});
   rows.push_back({"output", times.outputs});
   rows.push_back({"start", times.start});
-  const double whole = sum();
-  std::string text = fmt::format("{:<28}{:>12}{:>10}\n", "phase", "seconds", "percent");
-  for (const PhaseTime& row : rows)
-    if (row.seconds > worth_a_row * whole)
-      text += fmt::format("{:<28}{:>12.3f}{:>10.1f}\n", row.name, row.seconds, 100.0 * row.seconds / whole);
-  return text + fmt::format("{:<28}{:>12.3f}{:>10.1f}\n", "total", whole, 100.0);
+  return rows;
+}
+
+std::string phase_table(const Simulation& simulation, const RunTimes& times) {
+  const World& world = simulation.world();
+  std::vector<RankTimes> rows;
+  RankTimes whole{"total"};
+  for (const PhaseTime& row : times_of_rank(simulation, times)) {
+    const std::vector<double> seconds = world.gather(row.seconds);
+    const double mean = std::accumulate(seconds.begin(), seconds.end(), 0.0) / static_cast<double>(seconds.size());
+    rows.push_back({row.name, mean, *std::max_element(seconds.begin(), seconds.end())});
+    whole.mean += mean;
+  }
+  const auto line = [&](const RankTimes& row) {
+    std::string text = fmt::format("{:<28}{:>12.3f}{:>10.1f}", row.name, row.mean, 100.0 * row.mean / whole.mean);
+    if (row.largest > 0.0 && !world.is_alone()) text += fmt::format("{:>12.3f}", row.largest);
+    return text + '\n';
+  };
+  std::string text = fmt::format("{:<28}{:>12}{:>10}", "phase", "seconds", "percent");
+  text += world.is_alone() ? "\n" : fmt::format("{:>12}\n", "largest");
+  for (const RankTimes& row : rows)
+    if (row.largest > worth_a_row * whole.mean) text += line(row);
+  return text + line(whole);
+}
+
+double sum_over_ranks(const World& world, double bytes) {
+  const std::vector<double> all = world.gather(bytes);
+  return std::accumulate(all.begin(), all.end(), 0.0);
 }
 
 }  // namespace
@@ -51,10 +79,11 @@ std::string summary(const Simulation& simulation, const RunTimes& times, const s
     text += fmt::format("speed: {:.2f} M particle-steps/s\n", 1e-6 * times.particle_steps / times.stepping);
   text += fmt::format("grains: {} born, {} inside, {} left\n", simulation.n_born(), simulation.n_grains(),
                       simulation.n_left());
-  const double bytes = peak_memory();
+  const double bytes = sum_over_ranks(simulation.world(), peak_memory());
+  const double held = sum_over_ranks(simulation.world(), simulation.memory());
   const auto n_grains = static_cast<double>(std::max<std::uint64_t>(simulation.n_born(), 1));
   text += fmt::format("memory: {} in grains, pairs and contacts; peak memory: {} ({:.0f} bytes a grain)\n",
-                      bytes_text(simulation.memory()), bytes_text(bytes), bytes / n_grains);
+                      bytes_text(held), bytes_text(bytes), bytes / n_grains);
   text += fmt::format("results: {}\n", directory);
   return text + fmt::format("state hash: {}", simulation.state_hash().text());
 }

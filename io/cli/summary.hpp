@@ -17,7 +17,8 @@ struct RunTimes {
   std::uint64_t n_steps = 0;  // of this process
 };
 
-/// Table of phases, speed, grains, memory; ends in "state hash: ...".
+/// Table of phases, speed, grains, memory; ends in "state hash: ...". With several ranks the phases are means, with the
+/// largest beside them, and memory is that of all. All ranks of the simulation call it; the text is the root's.
 std::string summary(const Simulation& simulation, const RunTimes& times, const std::string& directory,
                     const std::string& layout);
 

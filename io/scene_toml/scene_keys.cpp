@@ -569,6 +569,8 @@ Key<SceneDraft> output_key() {
       value("checkpoints", &Out::checkpoint_interval,
             {"s", "simulated time between checkpoints; 0: at the end and on signals only"}),
       value("checkpoints_kept", &Out::checkpoints_kept, {"-", "number of checkpoints kept"}),
+      value("distributed", &Out::distributed,
+            {"", "each rank writes a file of its own, and one in front shows all of them as one"}),
       value("fields", &Out::fields, {"", "fields of snapshots"}, optional_key, "all that describe the state"),
       value("energy", &Out::energy, {"", "keep the energy ledger; on where a probe needs it"}),
   }};

@@ -69,6 +69,7 @@ std::string describe(const std::filesystem::path& path) {
   const ImageFile file = read_image_file(path);
   const Image& image = file.image;
   std::string text = fmt::format("{}\nkind         {}\n", path.string(), file.kind);
+  if (file.n_rank_files > 0) text += fmt::format("parts        {}, one file a rank\n", file.n_rank_files);
   if (file.record) text += fmt::format("written by   Moraine {} ({})\n", file.record->version, file.record->commit);
   text +=
       fmt::format("step         {}\ntime         {} s\ntime step    {} s\n", image.step, image.time, image.time_step);

@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <string_view>
 
+#include "io/checkpoint/agreement.hpp"
+#include "io/checkpoint/rank_files.hpp"
 #include "io/snapshot/snapshot.hpp"
 
 namespace moraine {
@@ -85,12 +87,13 @@ void SnapshotSeries::write() const {
   write_file(file(), text);
 }
 
-void SnapshotSeries::add(const Image& image) {
+void SnapshotSeries::add(const Image& image, const World& world, bool distributed) {
   const std::string entry = entry_of(image);
-  make_directory(snapshot_directory(run_directory_));
-  write_snapshot(snapshot_directory(run_directory_) / snapshot_name(image.step), image);
+  const fs::path directory = snapshot_directory(run_directory_);
+  agree_on_root(world, directory, [&] { make_directory(directory); });
+  write_snapshot(directory / snapshot_name(image.step), image, world, distributed);
   entries_[image.step] = entry;
-  write();
+  agree_on_root(world, file(), [&] { write(); });
 }
 
 int SnapshotSeries::drop_from(std::uint64_t step) {
@@ -100,9 +103,7 @@ int SnapshotSeries::drop_from(std::uint64_t step) {
   write();
   for (const fs::path& path : list_snapshots(run_directory_)) {
     if (*snapshot_step(path) < step) continue;
-    std::error_code error;
-    if (!fs::remove(path, error) && error)
-      throw StorageError(path, "cannot be removed: " + explain_errno(error.value()));
+    remove_with_rank_files(path);
     ++n_dropped;
   }
   return n_dropped;

@@ -6,6 +6,7 @@
 #include <map>
 #include <string>
 
+#include "comm/world.hpp"
 #include "engine/run/image.hpp"
 
 namespace moraine {
@@ -16,11 +17,12 @@ class SnapshotSeries {
   /// (a crash may come between the two). Throws StorageError.
   explicit SnapshotSeries(const std::filesystem::path& run_directory);
 
-  /// Writes the snapshot and then the series file, each whole or not at all. Throws StorageError.
-  void add(const Image& image);
+  /// Writes the snapshot, as write_snapshot() does, and then at the root the series file, each whole or not at all. All
+  /// ranks call it; throws StorageError, the same on all.
+  void add(const Image& image, const World& world = {}, bool distributed = false);
 
-  /// Removes the snapshots from that step on, and their entries: what a run that goes on from there will write anew.
-  /// Returns how many. Throws StorageError.
+  /// Removes the snapshots from that step on, with the files of their ranks, and their entries: what a run that goes on
+  /// from there will write anew. Returns how many. Throws StorageError.
   int drop_from(std::uint64_t step);
 
   std::size_t size() const { return entries_.size(); }

@@ -12,26 +12,25 @@ namespace moraine {
 
 namespace fs = std::filesystem;
 
-void write_snapshot(const fs::path& path, const Image& image) {
-  Hdf5Writer file(path, "snapshot", header_size(image, 0));
-  write_grains(file, image);
-  file.close();
+void write_snapshot(const fs::path& path, const Image& image, const World& world, bool distributed) {
+  write_image(path, image, nullptr, world, distributed);
 }
 
 Image read_snapshot(const fs::path& path, std::vector<std::string>* unknown) {
   const Hdf5Reader file(path, {"snapshot"}, false);
   std::vector<std::string> left_out;
-  return read_grains(file, unknown != nullptr ? unknown : &left_out);
+  return read_grains(file, {}, unknown != nullptr ? unknown : &left_out);
 }
 
 ImageFile read_image_file(const fs::path& path) {
   const Hdf5Reader file(path, {"checkpoint", "snapshot"}, false);
   ImageFile found;
   found.kind = file.kind();
-  found.image = read_grains(file, &found.unknown);
+  found.n_rank_files = file.rank_files().size();
+  found.image = read_grains(file, {}, &found.unknown);
   if (found.kind == "checkpoint") {
     read_history(file, found.image);
-    found.record = RunRecord{file.text("scene"), file.text_attribute("version"), file.text_attribute("commit")};
+    found.record = read_record(file);
   }
   return found;
 }

@@ -12,9 +12,11 @@
 
 namespace moraine {
 
-/// Writes /particles/<field> in order of gid, (n) or (n, components), each with its unit; time, step, domain and state hash as
-/// attributes. Not compressed: grain data hardly shrink, and readers can map them. Whole or not at all. Throws StorageError.
-void write_snapshot(const std::filesystem::path& path, const Image& image);
+/// Writes /particles/<field> in order of gid, (n) or (n, components), each with its unit; time, step, domain and state
+/// hash as attributes. Not compressed: grain data hardly shrink, and readers can map them. Whole or not at all. Ranks
+/// and `distributed` as in write_checkpoint(). All ranks call it; throws StorageError, the same on all.
+void write_snapshot(const std::filesystem::path& path, const Image& image, const World& world = {},
+                    bool distributed = false);
 
 /// Reads a snapshot, also one that another tool has rewritten without our checksums. `unknown`: gets the names of fields that the
 /// field table does not have; they are left out. Throws StorageError.
@@ -26,6 +28,7 @@ struct ImageFile {
   Image image;
   std::optional<RunRecord> record;   // of checkpoints
   std::vector<std::string> unknown;  // fields that were left out
+  std::size_t n_rank_files = 0;      // files that hold its rows, one for each rank that wrote; 0: it holds them itself
 };
 ImageFile read_image_file(const std::filesystem::path& path);
 

@@ -51,7 +51,7 @@ int main(int n, char** words) {
   return n > 1 && words[1][0] == '7' ? 7 : 0;
 }
 CPP
-unset MORAINE_BUILD_DIR MORAINE_WERROR MORAINE_JOBS
+unset MORAINE_BUILD_DIR MORAINE_WERROR MORAINE_JOBS OMPI_COMM_WORLD_RANK PMIX_RANK PMI_RANK
 cd "$folder/elsewhere"
 ln -s "$house/moraine" "$folder/bin/moraine"
 
@@ -84,6 +84,14 @@ check "  and waits" test ! -s "$folder/out"
 exec 8>&-
 wait $waiting
 check "  and then runs" out_is "$folder/elsewhere|run"
+
+# Ranks come all at once and wait for each other as a matter of course.
+flock "$house/build/.lock" sleep 0.5 &
+sleep 0.1
+check "a rank waits for the others without a word" ends_with 0 env PMIX_RANK=1 "$house/moraine" run
+check "  and runs" out_is "$folder/elsewhere|run"
+check "  and has said nothing" err_is_empty
+wait
 
 # Broken code, then mended.
 cp "$house/main.cpp" "$folder/good.cpp"

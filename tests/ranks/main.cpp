@@ -1,10 +1,12 @@
 // Every rank runs the same tests in the same order. The first one reports; a rank in which a test fails shows what it has to say and
 // ends the whole job, as the others would wait for it.
 #define CATCH_CONFIG_RUNNER
-#include <catch2/catch.hpp>
-#include <cstdio>
+#include <unistd.h>
 
-#include "comm/world.hpp"
+#include <catch2/catch.hpp>
+#include <iostream>
+#include <sstream>
+
 #include "tests/ranks/ranks.hpp"
 
 namespace moraine::ranks {
@@ -14,23 +16,32 @@ const World& world() {
   return all;
 }
 
+SharedDirectory::SharedDirectory(const World& world) : world_(world) {
+  std::string name = (std::filesystem::temp_directory_path() / "moraine-ranks-XXXXXX").string();
+  if (world.is_root() && mkdtemp(name.data()) == nullptr) world.abort(1);
+  world.broadcast(name);
+  path_ = name;
+}
+
+SharedDirectory::~SharedDirectory() {
+  world_.wait_for_all();
+  std::error_code ignored;
+  if (world_.is_root()) std::filesystem::remove_all(path_, ignored);
+}
+
 }  // namespace moraine::ranks
 
 int main(int argc, char** argv) {
   const moraine::World& world = moraine::ranks::world();
-  const std::string report = "rank-report-" + std::to_string(world.rank()) + ".txt";
-  Catch::Session session;
-  if (const int error = session.applyCommandLine(argc, argv)) return error;
-  if (!world.is_root()) session.configData().outputFilename = report;
-  const int n_failed = session.run();
-  if (!world.is_root()) {
-    if (std::FILE* const file = n_failed > 0 ? std::fopen(report.c_str(), "r") : nullptr) {
-      for (int c; (c = std::fgetc(file)) != EOF;) std::fputc(c, stderr);
-      std::fclose(file);
-    }
-    std::remove(report.c_str());
+  std::ostringstream report;
+  std::streambuf* const terminal = std::cout.rdbuf();
+  if (!world.is_root()) std::cout.rdbuf(report.rdbuf());
+  const int n_failed = Catch::Session().run(argc, argv);
+  std::cout.rdbuf(terminal);
+  if (n_failed > 0) {
+    if (!world.is_root()) std::cout << "on rank " << world.rank() << ":\n" << report.str() << std::flush;
+    world.abort(1);
   }
-  if (n_failed > 0) world.abort(1);
   world.wait_for_all();
   return 0;
 }

@@ -1,7 +1,10 @@
-// The ranks of the test job, and images that travel between them.
+// What tests on several ranks share: the ranks, and images that travel between them. All ranks run every test case; a check may differ from
+// rank to rank, the calls that all ranks make together may not.
 #pragma once
 
+#include <filesystem>
 #include <optional>
+#include <string>
 
 #include "comm/world.hpp"
 #include "engine/particles/parcel.hpp"
@@ -10,6 +13,27 @@
 namespace moraine::ranks {
 
 const World& world();
+
+/// Whether all ranks have the same text, at the root; true elsewhere. All ranks call it.
+inline bool is_same_on_all(const World& among, const std::string& text) {
+  for (const std::string& other : among.gather_at_root(text))
+    if (other != text) return false;
+  return true;
+}
+
+/// A directory of its own under the system's temporary one, the same for all ranks, removed when the last of them is done.
+class SharedDirectory {
+ public:
+  explicit SharedDirectory(const World& world);
+  ~SharedDirectory();
+  SharedDirectory(const SharedDirectory&) = delete;
+  SharedDirectory& operator=(const SharedDirectory&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  const World& world_;
+  std::filesystem::path path_;
+};
 
 /// Calls f(array) for every table of an image.
 template <typename Function>

@@ -164,7 +164,7 @@ TEST_CASE("a checkpoint of a newer format is refused by name") {
   write_checkpoint(path, make_image(5), record);
   std::fstream(path, std::ios::in | std::ios::out | std::ios::binary).seekp(19).put('7');  // "Moraine checkpoint 7"
   CHECK(message_of(path) ==
-        path.string() + ": is written in format 7, newer than format 1 of this program: use a newer Moraine");
+        path.string() + ": is written in format 7, newer than format 2 of this program: use a newer Moraine");
 }
 
 TEST_CASE("a damaged dataset is named") {

@@ -230,7 +230,7 @@ TEST_CASE("a bad scene, layout or end is refused before anything is written") {
   request.overrides = {"time.ende=1", "domain.low=[1,1,1]"};
   CHECK_THROWS_WITH(Bench::run(request), Catch::Contains("time.ende") && Catch::Contains("domain"));
   request.overrides.clear();
-  request.layout = "3x2";
+  request.layout = "3by2";
   CHECK_THROWS_AS(Bench::run(request), UsageError);
   request = bench.request("run");
   request.scene_file = bench.path("missing.toml");

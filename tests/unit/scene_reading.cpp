@@ -35,6 +35,7 @@ TEST_CASE("a scene that gives only what it must has the defaults of the structs 
   CHECK(scene.run.layout == "auto");
   CHECK(scene.output.checkpoints_kept == Output{}.checkpoints_kept);
   CHECK_FALSE(scene.output.energy);
+  CHECK_FALSE(scene.output.distributed);
   CHECK(scene.walls.empty());
 }
 
@@ -357,13 +358,14 @@ TEST_CASE("outlets are faces of the domain or boxes") {
 TEST_CASE("output is read key by key") {
   const Scene scene = with(
       "[output]\ndirectory = \"out\"\nsnapshots = 0.1\ncheckpoints = 0.5\ncheckpoints_kept = 3\n"
-      "fields = [\"position\", \"velocity\"]\nenergy = true\n");
+      "fields = [\"position\", \"velocity\"]\nenergy = true\ndistributed = true\n");
   CHECK(scene.output.directory == "out");
   CHECK(scene.output.snapshot_interval == 0.1);
   CHECK(scene.output.checkpoint_interval == 0.5);
   CHECK(scene.output.checkpoints_kept == 3);
   CHECK(scene.output.fields == std::vector<std::string>{"position", "velocity"});
   CHECK(scene.output.energy);
+  CHECK(scene.output.distributed);
 }
 
 TEST_CASE("probes are read key by key, are named by their kind where they have no name, and look at the domain") {

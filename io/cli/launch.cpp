@@ -1,0 +1,201 @@
+#include "io/cli/launch.hpp"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <sys/ioctl.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <fstream>
+#include <set>
+#include <sstream>
+
+#include "io/cli/interrupt.hpp"
+
+namespace moraine {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr const char* terminal_variable = "MORAINE_TERMINAL";  // width of the terminal behind mpirun
+
+/// Hardware threads of one core name each other in the same words.
+int count_cores(const std::vector<int>& cpus) {
+  std::set<std::string> cores;
+  for (const int cpu : cpus) {
+    std::ifstream file("/sys/devices/system/cpu/cpu" + std::to_string(cpu) + "/topology/thread_siblings_list");
+    std::string siblings;
+    if (!std::getline(file, siblings)) return static_cast<int>(cpus.size());
+    cores.insert(siblings);
+  }
+  return static_cast<int>(cores.size());
+}
+
+bool has_several_nodes() {
+  const char* n = std::getenv("SLURM_JOB_NUM_NODES");
+  return n != nullptr && std::atoi(n) > 1;
+}
+
+void write_all(int to, const std::string& text) {
+  for (std::size_t done = 0; done < text.size();) {
+    const ssize_t n = write(to, text.data() + done, text.size() - done);
+    if (n < 0 && errno != EINTR) return;  // nobody reads any more
+    if (n > 0) done += static_cast<std::size_t>(n);
+  }
+}
+
+/// For mpirun and for the ranks; what the user has set stays.
+void set_environment(bool crowded) {
+  if (geteuid() == 0) {
+    // Open MPI refuses to start as root unless told twice; where root is the only user (a container) that is wanted.
+    setenv("OMPI_ALLOW_RUN_AS_ROOT", "1", 0);
+    setenv("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1", 0);
+  }
+  if (const auto width = terminal_width()) setenv(terminal_variable, std::to_string(*width).c_str(), 1);
+  // Whoever waits must not take the CPU that is waited for.
+  if (crowded && !std::getenv("GOMP_SPINCOUNT")) setenv("OMP_WAIT_POLICY", "passive", 0);
+}
+
+/// In the child: mpirun in a group of its own, so that Control-C comes to this program alone, which asks the ranks in a
+/// way that leaves them the time for a checkpoint; and gone when this program goes, however that may be.
+[[noreturn]] void become_mpirun(std::vector<std::string> words, int talk, pid_t parent) {
+  setpgid(0, 0);
+  prctl(PR_SET_PDEATHSIG, SIGTERM);
+  if (getppid() != parent) _exit(127);  // gone already
+  signal(SIGPIPE, SIG_DFL);
+  take_back_cpus();
+  if (const int nothing = open("/dev/null", O_RDONLY); nothing >= 0) dup2(nothing, STDIN_FILENO);
+  dup2(talk, STDERR_FILENO);
+  std::vector<char*> pointers;
+  for (std::string& word : words) pointers.push_back(word.data());
+  pointers.push_back(nullptr);
+  execv(pointers[0], pointers.data());
+  const std::string text = "error: " + words[0] + " cannot be started: " + std::strerror(errno) + "\n";
+  write_all(STDERR_FILENO, text);
+  _exit(1);
+}
+
+/// mpirun while it runs.
+class Job {
+ public:
+  explicit Job(const std::vector<std::string>& words) {
+    if (pipe2(talk_.data(), O_CLOEXEC) != 0) throw std::runtime_error(std::string("pipe: ") + std::strerror(errno));
+    const pid_t self = getpid();
+    mpirun_ = fork();
+    if (mpirun_ < 0) throw std::runtime_error(std::string("mpirun cannot be started: ") + std::strerror(errno));
+    if (mpirun_ == 0) become_mpirun(words, talk_[1], self);
+    close(talk_[1]);
+  }
+  Job(const Job&) = delete;
+  Job& operator=(const Job&) = delete;
+  ~Job() { close(talk_[0]); }
+
+  JobEnd wait() {
+    const InterruptGuard guard;
+    JobEnd end;
+    int status = 0;
+    while (waitpid(mpirun_, &status, WNOHANG) != mpirun_) {
+      pass_on_talk(100);
+      if (const int signal = InterruptGuard::signal(); signal != end.signal) {
+        kill(mpirun_, InterruptGuard::stand_in_for(signal));
+        end.signal = signal;
+      }
+    }
+    while (pass_on_talk(0)) continue;
+    write_all(STDERR_FILENO, filter_.rest());
+    if (WIFSIGNALED(status)) end.mpirun_killed = WTERMSIG(status);
+    end.code = WEXITSTATUS(status);
+    end.killed = filter_.killed();
+    return end;
+  }
+
+ private:
+  /// Waits for talk, not longer than that [ms]; false where there is none.
+  bool pass_on_talk(int patience) {
+    pollfd waiting{talk_[0], POLLIN, 0};
+    std::array<char, 4096> text;
+    if (poll(&waiting, 1, patience) <= 0) return false;
+    const ssize_t n = read(talk_[0], text.data(), text.size());
+    if (n > 0) {
+      write_all(STDERR_FILENO, filter_.pass({text.data(), static_cast<std::size_t>(n)}));
+    } else if (patience > 0) {
+      usleep(static_cast<useconds_t>(1000 * patience));  // closed, but not ended yet
+    }
+    return n > 0;
+  }
+
+  std::array<int, 2> talk_{};
+  pid_t mpirun_ = -1;
+  MpirunTalk filter_;
+};
+
+}  // namespace
+
+Place this_place() {
+  const std::vector<int> cpus = available_cpus();
+  const auto n_cpus = static_cast<int>(cpus.size());
+  return {n_cpus, count_cores(cpus), n_cpus == sysconf(_SC_NPROCESSORS_ONLN), has_several_nodes()};
+}
+
+bool is_crowded(const Layout& layout, const Place& place) {
+  return !place.is_one_of_many && layout.total() > place.n_cpus;
+}
+
+std::vector<std::string> mpirun_options(const Layout& layout, const Place& place) {
+  std::vector<std::string> words = {"-n", std::to_string(layout.ranks)};
+  const auto add = [&](std::initializer_list<const char*> more) {
+    words.insert(words.end(), more.begin(), more.end());
+  };
+  const std::string share = "slot:PE=" + std::to_string(layout.threads);
+  if (place.is_one_of_many || (place.is_whole && layout.total() <= place.n_cores))
+    add({"--map-by", share.c_str(), "--bind-to", "core"});
+  else if (place.is_whole && layout.total() <= place.n_cpus)
+    add({"--use-hwthread-cpus", "--map-by", share.c_str(), "--bind-to", "hwthread"});
+  else
+    add({"--oversubscribe", "--bind-to", "none"});  // they stay within the CPUs of this process
+  if (is_crowded(layout, place)) add({"--mca", "mpi_yield_when_idle", "1"});
+  return words;
+}
+
+fs::path find_mpirun(const Layout& layout) {
+  const char* path = std::getenv("PATH");
+  for (const char* name : {"mpirun.openmpi", "mpirun"}) {  // Debian's name where several kinds of MPI are installed
+    std::istringstream folders(path == nullptr ? "" : path);
+    for (std::string folder; std::getline(folders, folder, ':');) {
+      const fs::path file = fs::path(folder.empty() ? "." : folder) / name;
+      std::error_code ignored;
+      if (access(file.c_str(), X_OK) == 0 && !fs::is_directory(file, ignored)) return file;
+    }
+  }
+  throw UsageError("layout " + layout.text() +
+                   " needs mpirun, and there is none in PATH: install Open MPI (Debian: apt-get install openmpi-bin), "
+                   "or use one rank: --layout 1x" +
+                   std::to_string(layout.total()));
+}
+
+JobEnd run_as_ranks(const Layout& layout, const std::vector<std::string>& words) {
+  const Place place = this_place();
+  std::vector<std::string> command = {find_mpirun(layout).string()};
+  set_environment(is_crowded(layout, place));
+  for (const std::string& option : mpirun_options(layout, place)) command.push_back(option);
+  for (const char* name : {terminal_variable, "OMP_WAIT_POLICY"})
+    if (std::getenv(name) != nullptr) command.insert(command.end(), {"-x", name});  // to other nodes, too
+  command.insert(command.end(), words.begin(), words.end());
+  return Job(command).wait();
+}
+
+std::optional<std::size_t> terminal_width() {
+  if (const char* given = std::getenv(terminal_variable)) return std::strtoul(given, nullptr, 10);
+  if (isatty(STDERR_FILENO) == 0) return std::nullopt;
+  winsize size{};
+  return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80u;
+}
+
+}  // namespace moraine

@@ -1,0 +1,48 @@
+// Ranks of this program, started by it through mpirun.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "io/cli/layout.hpp"
+#include "io/cli/mpirun_talk.hpp"
+
+namespace moraine {
+
+/// Where ranks are to be started.
+struct Place {
+  int n_cpus = 1;               // that this process may use
+  int n_cores = 1;              // the cores that they belong to: fewer, where cores have several hardware threads
+  bool is_whole = true;         // all CPUs of the machine: mpirun binds without asking which are allowed
+  bool is_one_of_many = false;  // a machine of several that a batch system has given
+};
+Place this_place();
+
+/// True where a layout has more threads than the place has CPUs.
+bool is_crowded(const Layout& layout, const Place& place);
+
+/// The words between mpirun and the program. Where there are CPUs for all, each rank is bound to its own.
+std::vector<std::string> mpirun_options(const Layout& layout, const Place& place);
+
+/// Open MPI's mpirun, found in PATH. Throws UsageError that names its package.
+std::filesystem::path find_mpirun(const Layout& layout);
+
+/// How a job came to its end.
+struct JobEnd {
+  int code = 0;                      // exit code of the job
+  int signal = 0;                    // that this process has been asked to end by, and has passed on; 0: none
+  std::optional<KilledRank> killed;  // a rank that a signal has ended
+  int mpirun_killed = 0;             // the signal that has ended mpirun, and by that the ranks; 0: none
+};
+
+/// Runs `words` (program and arguments) as the ranks of the layout and waits for their end. SIGINT, SIGTERM and SIGHUP
+/// are passed on, so that the ranks end with a checkpoint; a second one of the same ends this process, and by that the
+/// job. Throws UsageError.
+JobEnd run_as_ranks(const Layout& layout, const std::vector<std::string>& words);
+
+/// Width of the terminal that stderr goes to, also through mpirun; nothing where it is none.
+std::optional<std::size_t> terminal_width();
+
+}  // namespace moraine

@@ -1,0 +1,313 @@
+"""Runs of several ranks through the real program: who starts them, what they say, how they end.
+
+usage: ranks_test.py PROJECT PROGRAM
+
+Needs the standard library and Open MPI's mpirun.
+"""
+
+import filecmp
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+PROJECT, PROGRAM = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
+HOPPER = PROJECT / "examples" / "hopper" / "scene.toml"
+SHORT_HOPPER = [word for setting in ("time.end=0.6", "wall[5].until=0.05", "output.snapshots=0.3")
+                for word in ("--set", setting)]
+SCENE = """
+title = "a few grains bounce in a box"
+[domain]
+low = [0, 0, 0]
+high = [0.1, 0.1, 0.2]
+[time]
+end = {end}
+step = 5e-5
+gravity = [0.3, 0, -9.81]
+[[material]]
+name = "glass"
+density = 2500.0
+[contact]
+normal = "linear"
+tangential = "spring"
+[[contact.pair]]
+normal_stiffness = 1000.0
+restitution = 0.9
+friction = 0.4
+[[particles]]
+diameter = [0.01, 0.012]
+velocity = [0.2, 0.1, -1.0]
+fill = {{ region = {{ box = {{ low = [0, 0, 0], high = [0.1, 0.1, 0.2] }} }}, count = 120 }}
+[[wall]]
+name = "box"
+box = {{ low = [0, 0, 0], high = [0.1, 0.1, 0.2] }}
+[output]
+snapshots = 0.05
+checkpoints = 0.05
+"""
+PATIENCE = 60  # [s] for what takes a second on an idle machine
+
+ENVIRONMENT = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMIX_"))}
+AS_ROOT = dict(ENVIRONMENT, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMP_WAIT_POLICY="passive")
+MPIRUN = ["mpirun", "--oversubscribe"]
+
+
+def run(*words, environment=None, **more):
+    return subprocess.run([str(word) for word in words], text=True, capture_output=True, timeout=10 * PATIENCE,
+                          env=environment or ENVIRONMENT, **more)
+
+
+def moraine(*words, **more):
+    return run(PROGRAM, *words, **more)
+
+
+def state_hash(output):
+    return re.search(r"^state hash: ([0-9a-f]{32})$", output, re.MULTILINE).group(1)
+
+
+def children(parent):
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            pid, rest = stat.read_text().split(" ", 1)
+        except OSError:  # gone meanwhile
+            continue
+        if rest.rsplit(")", 1)[1].split()[:2][1] == str(parent):
+            found.append(int(pid))
+    return sorted(found)
+
+
+def lives(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def wait_until(is_so, what):
+    for _ in range(20 * PATIENCE):
+        if is_so():
+            return
+        time.sleep(0.05)
+    raise AssertionError(f"waited in vain for {what}")
+
+
+class Ranks(unittest.TestCase):
+    def setUp(self):
+        self.folder = Path(tempfile.mkdtemp(prefix="moraine_ranks_"))
+        self.addCleanup(shutil.rmtree, self.folder)
+
+    def scene(self, end=0.2):
+        path = self.folder / f"box_{end}.toml"
+        path.write_text(SCENE.format(end=end))
+        return path
+
+    def must_end(self, code, done):
+        self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+        return done
+
+    def moraine(self, code, *words, **more):
+        return self.must_end(code, moraine(*words, **more))
+
+    def start(self, *words):
+        """A run that goes on for long; comes back when it has written a checkpoint."""
+        out = self.folder / "out"
+        with open(self.folder / "stdout", "w") as stdout, open(self.folder / "stderr", "w") as stderr:
+            job = subprocess.Popen([PROGRAM, "run", self.scene(1e4), "--out", out, *words], stdout=stdout,
+                                   stderr=stderr, env=ENVIRONMENT)
+        self.addCleanup(job.kill)
+        wait_until(lambda: list(out.glob("checkpoints/*.h5")) or job.poll() is not None, "the first checkpoint")
+        self.assertIsNone(job.poll(), self.said())
+        (mpirun,) = children(job.pid)
+        return out, job, children(mpirun)
+
+    def said(self):
+        return (self.folder / "stdout").read_text() + (self.folder / "stderr").read_text()
+
+    def test_the_hopper_has_the_same_bits_on_one_two_and_four_ranks(self):
+        hashes = set()
+        for layout in ("1x1", "2x1", "4x1"):
+            done = self.moraine(0, "run", HOPPER, "--out", self.folder / layout, "--layout", layout, *SHORT_HOPPER)
+            self.assertIn(f"layout {layout}", done.stdout)
+            hashes.add(state_hash(done.stdout))
+            self.moraine(0, "compare", self.folder / "1x1", self.folder / layout)
+            for path in sorted((self.folder / "1x1").glob("*.csv")):
+                is_equal = filecmp.cmp(path, self.folder / layout / path.name, shallow=False)
+                self.assertTrue(is_equal, f"{layout}: {path.name}")
+        self.assertEqual(len(hashes), 1)
+
+    def test_a_run_under_mpirun_takes_the_ranks_it_is_given_and_says_all_once(self):
+        scene = self.scene()
+        done = self.must_end(0, run(*MPIRUN, "-n", 2, PROGRAM, "run", scene, "--out", self.folder / "given",
+                                    environment=AS_ROOT))
+        self.assertRegex(done.stdout, r"layout 2x\d")
+        self.assertEqual(done.stdout.count("state hash:"), 1)
+        alone = self.moraine(0, "run", scene, "--out", self.folder / "alone", "--layout", "1x1")
+        self.assertEqual(state_hash(done.stdout), state_hash(alone.stdout))
+
+    def test_ranks_that_may_use_the_same_cores_share_them(self):
+        cores = len(os.sched_getaffinity(0))
+        done = self.must_end(0, run(*MPIRUN, "--bind-to", "none", "-n", 2, PROGRAM, "run", self.scene(), "--out",
+                                    self.folder / "out", environment=AS_ROOT))
+        self.assertIn(f"layout 2x{max(1, cores // 2)}\n", done.stdout)
+
+    def test_threads_that_openmp_binds_still_get_all_cores_of_the_process(self):
+        cores = sorted(os.sched_getaffinity(0))[:2]
+        for settings in ({}, {"GOMP_SPINCOUNT": "1000"}):
+            done = self.moraine(0, "check", self.scene(),
+                                environment=dict(ENVIRONMENT, OMP_PROC_BIND="true", **settings),
+                                preexec_fn=lambda: os.sched_setaffinity(0, cores))
+            self.assertRegex(done.stdout, rf"layout +1x{len(cores)}\n")
+
+    def test_a_layout_of_other_ranks_than_the_launcher_gave_is_refused_once(self):
+        done = self.must_end(2, run(*MPIRUN, "-n", 2, PROGRAM, "run", self.scene(), "--layout", "3x1", "--out",
+                                    self.folder / "out", environment=AS_ROOT))
+        self.assertEqual(done.stderr.count('asks for 3 ranks, but the launcher (mpirun, srun) has started 2'), 1)
+        self.assertFalse((self.folder / "out").exists())
+
+    def test_a_wrong_command_line_under_mpirun_is_refused_once(self):
+        done = self.must_end(2, run(*MPIRUN, "-n", 3, PROGRAM, "run", environment=AS_ROOT))
+        self.assertEqual(done.stderr.count("SCENE is required"), 1)
+
+    def test_commands_that_look_at_files_speak_once_under_mpirun(self):
+        scene = self.scene()
+        done = self.must_end(0, run(*MPIRUN, "-n", 3, PROGRAM, "check", scene, environment=AS_ROOT))
+        self.assertEqual(done.stdout.count("a few grains bounce in a box"), 1)
+
+    def test_what_is_wrong_with_a_request_is_said_once_and_nothing_is_started(self):
+        folder = self.folder / "bin"
+        folder.mkdir()
+        (folder / "mpirun").write_text(f"#!/bin/sh\n: >{self.folder}/started\n")
+        (folder / "mpirun").chmod(0o755)
+        environment = dict(ENVIRONMENT, PATH=str(folder))
+        full = self.folder / "full"
+        full.mkdir()
+        (full / "letter").write_text("dear")
+        for words, text in ((["--set", "time.ende=1"], "unknown key"), (["--out", full], "is not empty"),
+                            (["--set", "time.step=-1"], "time.step")):
+            done = self.moraine(2, "run", self.scene(), "--layout", "4x1", *words, environment=environment)
+            self.assertEqual(done.stderr.count(text), 1, done.stderr)
+            self.assertFalse((self.folder / "started").exists())
+        self.moraine(0, "run", self.scene(), "--layout", "4x1", "--out", self.folder / "out", environment=environment)
+        self.assertTrue((self.folder / "started").exists())
+
+    def test_without_mpirun_several_ranks_are_refused_with_the_package_to_install(self):
+        done = self.moraine(2, "run", self.scene(), "--layout", "2x2", "--out", self.folder / "out",
+                            environment=dict(ENVIRONMENT, PATH=str(self.folder)))
+        self.assertIn("openmpi-bin", done.stderr)
+        self.assertIn("--layout 1x4", done.stderr)
+        self.assertFalse((self.folder / "out").exists())
+
+    def test_what_mpirun_cannot_do_is_said_in_its_own_words(self):
+        folder = self.folder / "bin"
+        folder.mkdir()
+        (folder / "mpirun").write_text("#!/bin/sh\necho there is a hole in my bucket >&2\nexit 3\n")
+        (folder / "mpirun").chmod(0o755)
+        done = self.moraine(3, "run", self.scene(), "--layout", "2x1", "--out", self.folder / "out",
+                            environment=dict(ENVIRONMENT, PATH=str(folder)))
+        self.assertEqual(done.stderr, "there is a hole in my bucket\n")
+
+    def test_an_interrupted_run_of_two_ranks_leaves_a_checkpoint_from_which_another_layout_goes_on(self):
+        for number, code in ((signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGHUP, 129)):
+            with self.subTest(signal=number.name):
+                out, job, _ = self.start("--layout", "2x1")
+                job.send_signal(number)
+                self.assertEqual(job.wait(PATIENCE), code, self.said())
+                ended = rf"^ended by signal {int(number)} at .*, checkpoint (\S+)$"
+                path, = re.findall(ended, self.said(), re.MULTILINE)
+                self.assertTrue(Path(path).is_file())
+                stopped = int(re.search(r"_(\d+)\.h5", path).group(1))
+                until = (stopped + 1000) * 5e-5
+                on = self.moraine(0, "run", self.scene(1e4), "--out", out, "--layout", "1x2", "--restart", "auto",
+                                  "--until", until)
+                self.assertIn(f"going on from {path}", on.stdout)
+                whole = self.moraine(0, "run", self.scene(1e4), "--out", self.folder / "whole", "--layout", "1x1",
+                                     "--until", until)
+                self.assertEqual(state_hash(on.stdout), state_hash(whole.stdout))
+                shutil.rmtree(out)
+                shutil.rmtree(self.folder / "whole")
+
+    def test_a_rank_that_is_killed_ends_the_run_with_one_message(self):
+        out, job, ranks = self.start("--layout", "3x1")
+        self.assertEqual(len(ranks), 3)
+        os.kill(ranks[1], signal.SIGKILL)
+        self.assertEqual(job.wait(PATIENCE), 1)
+        errors = [line for line in self.said().splitlines() if "error" in line or "ended by" in line]
+        self.assertEqual(len(errors), 1, self.said())
+        self.assertRegex(errors[0], r"^error: rank \d on \S+ was ended by signal 9 ")
+        self.assertNotIn("mpirun", self.said())
+        path, = re.findall(r"^the last checkpoint is (\S+)$", self.said(), re.MULTILINE)
+        self.moraine(0, "info", path)
+        self.assertFalse(any(map(lives, ranks)))
+        self.assertIn("--restart auto --out " + str(out), self.said())
+
+    def test_a_killed_mpirun_ends_the_run_with_one_message(self):
+        _, job, ranks = self.start("--layout", "2x1")
+        os.kill(children(job.pid)[0], signal.SIGKILL)
+        self.assertEqual(job.wait(PATIENCE), 1)
+        self.assertEqual(self.said().count("error: mpirun was ended by signal 9"), 1, self.said())
+        wait_until(lambda: not any(map(lives, ranks)), "the ranks to end")
+
+    def test_killing_the_program_that_started_the_ranks_ends_them(self):
+        _, job, ranks = self.start("--layout", "2x1")
+        job.kill()
+        wait_until(lambda: not any(map(lives, ranks)), "the ranks to end")
+
+    def test_a_fault_of_one_rank_ends_all_with_one_message_and_the_way_to_go_on(self):
+        out = self.folder / "out"
+        scene = self.scene(0.2)
+        self.moraine(0, "run", scene, "--out", out, "--layout", "1x1", "--until", 0.1)
+        last = sorted(out.glob("checkpoints/*.h5"))[-1]
+        shutil.rmtree(out / "snapshots")
+        (out / "snapshots").write_text("a file in the place of the folder")  # that only the root makes
+        done = self.moraine(1, "run", scene, "--out", out, "--layout", "3x1", "--restart", "auto")
+        self.assertEqual(done.stderr.count("error"), 1, done.stderr)
+        self.assertRegex(done.stderr, r"error: rank \d: step 3000: ")
+        self.assertIn(f"the last checkpoint is {out}/checkpoints/", done.stdout)
+        self.assertTrue(last.is_file())
+        self.assertRegex((out / "log.txt").read_text(), r"error: rank \d: step 3000: ")
+
+    def test_a_fault_of_the_root_before_the_first_step_ends_all_ranks(self):
+        out = self.folder / "out"
+        scene = self.scene(0.2)
+        self.moraine(0, "run", scene, "--out", out, "--layout", "1x1", "--until", 0.1)
+        (out / "hashes.csv").unlink()
+        (out / "hashes.csv").mkdir()
+        done = self.moraine(1, "run", scene, "--out", out, "--layout", "3x1", "--restart", "auto")
+        self.assertEqual(done.stderr.count("error"), 1, done.stderr)
+        self.assertIn("error: rank 0: " + str(out / "hashes.csv"), done.stderr)
+
+    def test_a_run_that_is_interrupted_before_its_first_step_ends_by_that_signal(self):
+        scene = self.scene(0.2)
+        scene.write_text(scene.read_text().replace("count = 120", "solid_fraction = 0.55")
+                         .replace("[0.01, 0.012]", "[0.0008, 0.0012]"))  # takes long to fill
+        out = self.folder / "out"
+        with subprocess.Popen([PROGRAM, "run", scene, "--out", out, "--layout", "2x1"], env=ENVIRONMENT,
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as job:
+            self.addCleanup(job.kill)
+            wait_until(out.exists, "the directory of the run")
+            job.send_signal(signal.SIGTERM)
+            said, errors = job.communicate(timeout=PATIENCE)
+        self.assertEqual(job.returncode, 143, said + errors)
+        self.assertEqual(said, "ended by signal 15 before the first step or after the last\n")
+        self.assertEqual(errors, "")
+
+    def test_a_run_that_goes_wrong_says_so_once_whatever_the_number_of_ranks(self):
+        out = self.folder / "out"
+        done = self.moraine(1, "run", self.scene(), "--out", out, "--layout", "4x1", "--set", "run.max_overlap=0.01")
+        self.assertEqual(done.stderr.count("overlap runs away"), 1, done.stderr)
+        self.assertRegex(done.stderr, r"error: rank \d: step \d+")
+        self.assertEqual((out / "log.txt").read_text().count("overlap runs away"), 1)
+        self.assertNotIn("MPI_ABORT", done.stderr)
+
+
+if __name__ == "__main__":
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    unittest.main(argv=sys.argv[:1])
