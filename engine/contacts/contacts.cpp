@@ -40,7 +40,7 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
       walls_(&walls),
       image_shift_(image_shifts(domain_.size())),
       world_(world),
-      wall_contacts_(walls, moraine::has_history(scene.contact.tangential),
+      wall_contacts_(walls, scene.domain, moraine::has_history(scene.contact.tangential),
                      slot_size(choice_.has_rotation, choice_.has_ledger)) {
   needs_.has_history = moraine::has_history(choice_.tangential);
   needs_.has_images = periodic_[0] || periodic_[1] || periodic_[2];

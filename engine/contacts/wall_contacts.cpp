@@ -1,7 +1,9 @@
 #include "engine/contacts/wall_contacts.hpp"
 
 #include <algorithm>
+#include <array>
 #include <limits>
+#include <utility>
 
 #include "engine/threads.hpp"
 
@@ -21,8 +23,69 @@ std::int64_t capacity_of(const WallCandidate& c) {
 
 }  // namespace
 
-WallContacts::WallContacts(const Walls& walls, bool has_history, int slot_size)
-    : walls_(&walls), has_history_(has_history), slot_size_(slot_size) {}
+WallContacts::WallContacts(const Walls& walls, const Domain& domain, bool has_history, int slot_size)
+    : walls_(&walls), domain_(domain), has_history_(has_history), slot_size_(slot_size) {}
+
+/// A grain that crosses a periodic face before the next rebuild comes to the walls on the other side: what it may touch there is
+/// added to its candidates.
+void WallContacts::find_across_faces(const Particles& particles, std::int32_t begin, std::int32_t end, double skin,
+                                     double time, WallCandidates& found) const {
+  const Box box = domain_.box();
+  std::vector<std::int32_t> grains;
+  std::vector<double> seen;  // position and radius of each, brought over the face
+  for (std::int32_t i = begin; i < end; ++i) {
+    std::array<int, 3> most{};  // periods by which it may be brought back
+    for (int axis = 0; axis < 3; ++axis) {
+      if (!domain_.periodic[at(axis)]) continue;
+      const double x = particles.position(i)[axis];
+      most[at(axis)] = x - box.low[axis] < skin ? 1 : box.high[axis] - x < skin ? -1 : 0;
+    }
+    for (int choice = 1; choice < 8; ++choice) {
+      Vec3 position = particles.position(i);
+      bool is_possible = true;
+      for (int axis = 0; axis < 3; ++axis) {
+        if (!(choice >> axis & 1)) continue;
+        is_possible = is_possible && most[at(axis)] != 0;
+        position[axis] += most[at(axis)] * (box.high[axis] - box.low[axis]);
+      }
+      if (!is_possible) continue;
+      grains.push_back(i);
+      seen.insert(seen.end(), {position.x, position.y, position.z, particles.radius(i)});
+    }
+  }
+  if (grains.empty()) return;
+  WallCandidates beyond;
+  walls_->find_candidates(seen.data(), 4, 0, static_cast<std::int32_t>(grains.size()), skin, time, beyond);
+  if (beyond.list.empty()) return;
+  // Triangles that a grain may touch on this side and beyond become one list.
+  for (WallCandidate& candidate : beyond.list) {
+    candidate.grain = grains[at(candidate.grain)];
+    candidate.triangles += static_cast<std::int32_t>(found.triangles.size());
+  }
+  found.triangles.insert(found.triangles.end(), beyond.triangles.begin(), beyond.triangles.end());
+  std::vector<WallCandidate> all = std::move(found.list);
+  all.insert(all.end(), beyond.list.begin(), beyond.list.end());
+  std::stable_sort(all.begin(), all.end(), [](const WallCandidate& x, const WallCandidate& y) {
+    return std::pair(x.grain, x.surface) < std::pair(y.grain, y.surface);
+  });
+  found.list.clear();
+  for (const WallCandidate& candidate : all) {
+    WallCandidate* const last = found.list.empty() ? nullptr : &found.list.back();
+    if (!last || last->grain != candidate.grain || last->surface != candidate.surface) {
+      found.list.push_back(candidate);
+      continue;
+    }
+    std::vector<std::int32_t> both(found.triangles.begin() + last->triangles,
+                                   found.triangles.begin() + last->triangles + last->n_triangles);
+    both.insert(both.end(), found.triangles.begin() + candidate.triangles,
+                found.triangles.begin() + candidate.triangles + candidate.n_triangles);
+    std::sort(both.begin(), both.end());
+    both.erase(std::unique(both.begin(), both.end()), both.end());
+    last->triangles = static_cast<std::int32_t>(found.triangles.size());
+    last->n_triangles = static_cast<std::int32_t>(both.size());
+    found.triangles.insert(found.triangles.end(), both.begin(), both.end());
+  }
+}
 
 void WallContacts::build(const Particles& particles, const PairList& pairs, double skin, double time,
                          std::span<const std::int32_t> was_at, const WallCarry& carry, int n_threads) {
@@ -38,6 +101,7 @@ void WallContacts::build(const Particles& particles, const PairList& pairs, doub
     WallCandidates found;
     walls_->find_candidates(particles.records(), particles.stride(), mine.grain_begin, mine.grain_end, skin, time,
                             found);
+    find_across_faces(particles, mine.grain_begin, mine.grain_end, skin, time, found);
     share.list.clear();
     share.tile_begin.clear();
     std::vector<WallCandidate> deferred;

@@ -44,7 +44,7 @@ struct WallContact {
 
 class WallContacts {
  public:
-  WallContacts(const Walls& walls, bool has_history, int slot_size);
+  WallContacts(const Walls& walls, const Domain& domain, bool has_history, int slot_size);
 
   /// Finds the candidates of all grains, in the shares and tiles of the pair list. `species`: row of the wall law table by
   /// (material, wall).
@@ -98,6 +98,8 @@ class WallContacts {
     WallTouches view;
   };
   static std::size_t index(int thread) { return static_cast<std::size_t>(thread); }
+  void find_across_faces(const Particles& particles, std::int32_t begin, std::int32_t end, double skin, double time,
+                         WallCandidates& found) const;
   int touch_one(const Particles& particles, const Share& share, const WallCandidate& candidate, Touch* touches) const;
   Vec3 wall_velocity(const Surface& surface, Vec3 centre, const Touch& touch) const;
   void make_room(Share& share) const;
@@ -105,6 +107,7 @@ class WallContacts {
   double energy_of_ended(const Share& share, std::int64_t candidate, unsigned taken) const;
 
   const Walls* walls_;
+  Domain domain_;
   bool has_history_;
   int slot_size_;
   std::vector<Share> shares_;

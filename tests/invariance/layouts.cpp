@@ -89,3 +89,50 @@ TEST_CASE("grains born are those inside and those that have left, at every outpu
   }
   CHECK(most_left > 20);
 }
+
+TEST_CASE("a grain that rolls over a periodic face onto other triangles keeps its floor, however wide the skin") {
+  // Two grains on floors of many small triangles, thrown over faces of both directions again and again.
+  Scene scene = scenes::basic();
+  scene.domain.low = {0.0, 0.0, -0.01};
+  scene.domain.high = {0.1, 0.08, 0.1};
+  scene.domain.periodic = {true, true, false};
+  scene.time.gravity = {0.0, 0.0, -9.81};
+  ListedGrains list;
+  list.has_velocity = true;
+  for (const double x : {0.02, 0.06}) {
+    GrainSeed seed;
+    seed.position = {x, x, 0.5 * scenes::d};
+    seed.radius = 0.5 * scenes::d;
+    seed.velocity = {x < 0.05 ? 1.0 : -0.6, 0.35, 0.0};
+    list.grains.push_back(seed);
+  }
+  ParticleGroup group;
+  group.material = "glass";
+  group.diameter.value = scenes::d;
+  group.fill = list;
+  scene.particles = {group};
+  TriangleMesh floor;
+  const int n = 24;
+  for (int i = 0; i <= n; ++i)
+    for (int k = 0; k <= n; ++k) floor.vertices.push_back({-0.01 + 0.12 * i / n, -0.01 + 0.10 * k / n, 0.0});
+  for (int i = 0; i < n; ++i)
+    for (int k = 0; k < n; ++k) {
+      const int a = i * (n + 1) + k, b = a + n + 1;
+      floor.triangles.push_back({a, b, a + 1});
+      floor.triangles.push_back({b, b + 1, a + 1});
+    }
+  scenes::add_wall(scene, "floor", MeshShape{"floor.obj", floor}, "steel");
+  scene.run.skin = 1e-5;
+  Simulation narrow(scene, 1);
+  scene.run.skin = 0.02;
+  Simulation wide(scene, 1);
+  for (int i = 0; i < 8000; ++i) {
+    narrow.step();
+    wide.step();
+    if (i % 50 == 0) REQUIRE(narrow.state_hash() == wide.state_hash());
+  }
+  const FieldArray position = wide.snapshot().fields[0];
+  for (const std::size_t grain : {0u, 1u})
+    CHECK(position.reals[3 * grain + 2] == Approx(0.5 * scenes::d).epsilon(0.01));
+  CHECK(wide.n_rebuilds() < 200);
+}

@@ -22,10 +22,10 @@
 #include "tests/unit/io_images.hpp"
 
 using namespace moraine;
-using moraine::testing::is_same;
 using moraine::ranks::is_same_on_all;
-using moraine::testing::make_image;
 using moraine::ranks::SharedDirectory;
+using moraine::testing::is_same;
+using moraine::testing::make_image;
 namespace fs = std::filesystem;
 
 namespace {
