@@ -67,9 +67,16 @@ std::vector<double> wall_pressure(const ProbeView& view, const Probe& probe) {
     if (bin >= 0 && bin < probe.bins) sums[static_cast<std::size_t>(bin)].add(dot(c.result.force, c.normal));
   });
   total(view.world, sums);
-  const double area = view.walls.area(wall, view.scene.domain.box()) / probe.bins;
   std::vector<double> row = values_of(sums);
-  for (double& value : row) value = area > 0.0 ? value / area : 0.0;
+  for (int bin = 0; bin < probe.bins; ++bin) {
+    Box slice = view.scene.domain.box();
+    const double low = extent.low[probe.axis], width = (extent.high[probe.axis] - low) / probe.bins;
+    slice.low[probe.axis] = low + bin * width;
+    slice.high[probe.axis] = bin + 1 == probe.bins ? extent.high[probe.axis] : low + (bin + 1) * width;
+    const double area = view.walls.area(wall, slice);
+    double& value = row[static_cast<std::size_t>(bin)];
+    value = area > 0.0 ? value / area : 0.0;
+  }
   return row;
 }
 

@@ -5,6 +5,8 @@
 #include <numeric>
 #include <tuple>
 
+#include "engine/walls/wall_extent.hpp"
+
 namespace moraine {
 
 namespace {
@@ -58,7 +60,6 @@ void MeshSurface::take_triangles(const TriangleMesh& mesh, const MeshSurvey& sur
                c = mesh.vertices[static_cast<std::size_t>(v[2])];
     corners_.insert(corners_.end(), {a, b, c});
     normals_.push_back(triangle_normal(a, b, c));
-    area_ += 0.5 * length(cross(b - a, c - a));
     for (const Vec3 p : {a, b, c}) extent_.include(p);
   }
 }
@@ -116,6 +117,19 @@ void MeshSurface::build_node(const std::vector<Box>& boxes, std::int32_t begin, 
     build_node(boxes, half, end);
   }
   nodes_[place].next = static_cast<std::int32_t>(nodes_.size());
+}
+
+double MeshSurface::area(const Box& clip) const {
+  double area = 0.0;
+  for (std::size_t t = 0; t < corners_.size(); t += 3) {
+    Box box = Box::empty();
+    for (std::size_t k = 0; k < 3; ++k) box.include(corners_[t + k]);
+    if (common_part(box, clip) == Box::empty()) continue;
+    area += common_part(box, clip) == box
+                ? 0.5 * length(cross(corners_[t + 1] - corners_[t], corners_[t + 2] - corners_[t]))
+                : area_of({corners_[t], corners_[t + 1], corners_[t + 2]}, clip);
+  }
+  return area;
 }
 
 void MeshSurface::find(Vec3 centre, double reach, std::vector<std::int32_t>& found) const {

@@ -19,7 +19,7 @@ class MeshSurface {
   MeshView view() const { return {corners_.data(), normals_.data(), edge_ring_.data(), corner_ring_.data()}; }
   std::int32_t n_triangles() const { return static_cast<std::int32_t>(normals_.size()); }
   const Box& extent() const { return extent_; }  // [m]
-  double area() const { return area_; }          // [m2]
+  double area(const Box& clip) const;            // [m2] of the part inside
 
   /// Appends the triangles nearer to the centre than reach [m], in ascending order. Thread-safe.
   void find(Vec3 centre, double reach, std::vector<std::int32_t>& found) const;
@@ -45,7 +45,6 @@ class MeshSurface {
   std::vector<Node> nodes_;
   std::vector<std::int32_t> leaf_triangles_;
   Box extent_ = Box::empty();
-  double area_ = 0.0;
 };
 
 }  // namespace moraine

@@ -1,7 +1,9 @@
 #include "engine/walls/wall_extent.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -23,6 +25,16 @@ std::vector<Vec3> cut(const std::vector<Vec3>& polygon, int axis, double sign, d
   return kept;
 }
 
+/// The part of a polygon inside a box.
+std::vector<Vec3> inside(std::vector<Vec3> polygon, const Box& box) {
+  const double slack = 1e-12 * length(box.size());  // what lies in a face of the box is inside
+  for (int axis = 0; axis < 3; ++axis) {
+    polygon = cut(polygon, axis, 1.0, box.high[axis], slack);
+    polygon = cut(polygon, axis, -1.0, -box.low[axis], slack);
+  }
+  return polygon;
+}
+
 /// The polygon in which a plane cuts a box.
 std::vector<Vec3> plane_in_box(const Surface& plane, const Box& box) {
   const Vec3 middle = 0.5 * (box.low + box.high);
@@ -32,13 +44,7 @@ std::vector<Vec3> plane_in_box(const Surface& plane, const Box& box) {
   const Vec3 foot = middle - height * plane.axis;
   const Vec3 least = std::abs(plane.axis.x) < 0.6 ? Vec3{1, 0, 0} : Vec3{0, 1, 0};
   const Vec3 u = size * normalized(cross(plane.axis, least)), v = cross(plane.axis, u);
-  std::vector<Vec3> polygon = {foot - u - v, foot + u - v, foot + u + v, foot - u + v};
-  const double slack = 1e-12 * size;  // a plane in a face of the box is inside
-  for (int axis = 0; axis < 3; ++axis) {
-    polygon = cut(polygon, axis, 1.0, box.high[axis], slack);
-    polygon = cut(polygon, axis, -1.0, -box.low[axis], slack);
-  }
-  return polygon;
+  return inside({foot - u - v, foot + u - v, foot + u + v, foot - u + v}, box);
 }
 
 double polygon_area(const std::vector<Vec3>& polygon) {
@@ -47,34 +53,41 @@ double polygon_area(const std::vector<Vec3>& polygon) {
   return 0.5 * length(sum);
 }
 
-/// Length of a straight line inside a box.
-double line_in_box(Vec3 point, Vec3 direction, const Box& box) {
-  double from = -std::numeric_limits<double>::infinity(), to = -from;
+/// The part of a straight line inside a box, as an interval of its parameter within [from, to]; nothing where from > to.
+struct Interval {
+  double from, to;
+};
+Interval line_in_box(Vec3 point, Vec3 direction, const Box& box, Interval within) {
   for (int axis = 0; axis < 3; ++axis) {
     if (direction[axis] == 0.0) {
-      if (point[axis] < box.low[axis] || point[axis] > box.high[axis]) return 0.0;
+      if (point[axis] < box.low[axis] || point[axis] > box.high[axis]) return {1.0, 0.0};
       continue;
     }
     const double a = (box.low[axis] - point[axis]) / direction[axis],
                  b = (box.high[axis] - point[axis]) / direction[axis];
-    from = std::max(from, std::min(a, b));
-    to = std::min(to, std::max(a, b));
+    within.from = std::max(within.from, std::min(a, b));
+    within.to = std::min(within.to, std::max(a, b));
   }
-  return std::max(0.0, to - from) * length(direction);
+  return within;
 }
 
-/// Sums the straight lines that make up a cylinder.
-double infinite_cylinder_in_box(const Surface& cylinder, const Box& box) {
+/// Area inside a box of what a straight line sweeps when it turns about an axis: from a point at radius_from to the point `along` the axis
+/// at radius_to, t = 0 to 1 (`range` may go further). Sums narrow strips; exact where all of it is inside.
+double swept_area(Vec3 point, Vec3 axis, double along, double radius_from, double radius_to, Interval range,
+                  const Box& box) {
   constexpr int n = 3600;
-  const Vec3 least = std::abs(cylinder.axis.x) < 0.6 ? Vec3{1, 0, 0} : Vec3{0, 1, 0};
-  const Vec3 u = normalized(cross(cylinder.axis, least)), v = cross(cylinder.axis, u);
-  double sum = 0.0;
+  const Vec3 least = std::abs(axis.x) < 0.6 ? Vec3{1, 0, 0} : Vec3{0, 1, 0};
+  const Vec3 u = normalized(cross(axis, least)), v = cross(axis, u);
+  const double run = radius_to - radius_from;
+  double sum = 0.0;  // of the integral of the radius over t
   for (int i = 0; i < n; ++i) {
     const double angle = 2.0 * pi * (i + 0.5) / n;
-    const Vec3 across = cylinder.radius_base * (std::cos(angle) * u + std::sin(angle) * v);
-    sum += line_in_box(cylinder.point + across, cylinder.axis, box);
+    const Vec3 out = std::cos(angle) * u + std::sin(angle) * v;
+    const Interval inside = line_in_box(point + radius_from * out, along * axis + run * out, box, range);
+    if (!(inside.from < inside.to)) continue;
+    sum += (inside.to - inside.from) * (radius_from + 0.5 * run * (inside.from + inside.to));
   }
-  return sum * 2.0 * pi * cylinder.radius_base / n;
+  return sum * 2.0 * pi / n * std::sqrt(along * along + run * run);
 }
 
 /// Adds the bounding box of a circle.
@@ -115,19 +128,23 @@ Box common_part(const Box& a, const Box& b) {
 }
 
 double area_of(const Surface& s, const Box& clip) {
+  constexpr double infinite = std::numeric_limits<double>::infinity();
   switch (s.kind) {
     case SurfaceKind::plane:
     case SurfaceKind::mirror: return polygon_area(plane_in_box(s, clip));
     case SurfaceKind::cylinder:
-      return std::isfinite(s.length) ? 2.0 * pi * s.radius_base * s.length : infinite_cylinder_in_box(s, clip);
-    case SurfaceKind::cone: {
-      const double run = s.radius_top - s.radius_base;
-      return pi * (s.radius_base + s.radius_top) * std::sqrt(run * run + s.length * s.length);
-    }
-    case SurfaceKind::disc: return pi * (s.radius_base * s.radius_base - s.radius_top * s.radius_top);
+      if (std::isfinite(s.length))
+        return swept_area(s.point, s.axis, s.length, s.radius_base, s.radius_base, {0.0, 1.0}, clip);
+      return swept_area(s.point, s.axis, 1.0, s.radius_base, s.radius_base, {-infinite, infinite}, clip);
+    case SurfaceKind::cone: return swept_area(s.point, s.axis, s.length, s.radius_base, s.radius_top, {0.0, 1.0}, clip);
+    case SurfaceKind::disc: return swept_area(s.point, s.axis, 0.0, s.radius_top, s.radius_base, {0.0, 1.0}, clip);
     case SurfaceKind::mesh: break;
   }
   return 0.0;
+}
+
+double area_of(const std::array<Vec3, 3>& triangle, const Box& clip) {
+  return polygon_area(inside(std::vector<Vec3>(triangle.begin(), triangle.end()), clip));
 }
 
 Box extent_of(const Surface& s, const Box& clip) {

@@ -160,15 +160,15 @@ double Walls::next_change(double time) const {
   return next;
 }
 
-double Walls::area(std::int32_t wall, const Box& domain) const {
+double Walls::area(std::int32_t wall, const Box& clip) const {
   double area = 0.0;
   for (std::size_t s = 0; s < surfaces_.size(); ++s) {
     const Surface& surface = surfaces_[s];
     if (surface.wall != wall) continue;
     if (surface.kind == SurfaceKind::mesh)
-      area += meshes_[static_cast<std::size_t>(surface.mesh)].area();
+      area += meshes_[static_cast<std::size_t>(surface.mesh)].area(clip);
     else
-      area += area_of(surface, bounds_[s] ? common_part(*bounds_[s], domain) : domain);
+      area += area_of(surface, bounds_[s] ? common_part(*bounds_[s], clip) : clip);
   }
   return area;
 }

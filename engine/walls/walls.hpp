@@ -42,8 +42,8 @@ class Walls {
   bool is_active(std::int32_t surface, double time) const;
   /// The next time after `time` at which a wall appears or vanishes [s]; infinity where there is none.
   double next_change(double time) const;
-  /// Area of a wall [m2]; planes, boxes and infinite cylinders count their part inside `domain` (its faces belong to it).
-  double area(std::int32_t wall, const Box& domain) const;
+  /// Area of the part of a wall inside `clip` [m2], whose faces belong to it.
+  double area(std::int32_t wall, const Box& clip) const;
   /// The part of a wall's bounding box inside `domain` [m]; Box::empty() where nothing of it is inside.
   Box extent(std::int32_t wall, const Box& domain) const;
 

@@ -192,7 +192,7 @@ TEST_CASE("every shape that cannot be used is named") {
   }
 }
 
-TEST_CASE("areas are those of the formulas, of infinite surfaces within the domain") {
+TEST_CASE("areas are those of the formulas, within a box") {
   using std::numbers::pi;
   const Walls walls(scene_of_all_shapes());
   CHECK(walls.area(0, cube(1)) == Approx(4.0));   // in a face of the domain
@@ -204,6 +204,18 @@ TEST_CASE("areas are those of the formulas, of infinite surfaces within the doma
   CHECK(walls.area(4, cube(2)) == Approx(pi * 1.3 * std::sqrt(1.49)));
   CHECK(walls.area(5, cube(2)) == Approx(pi * 0.24));
   CHECK(walls.area(6, cube(2)) == Approx(4.0));
+  // Slices of a wall add up to the whole.
+  for (int wall = 0; wall < 7; ++wall)
+    for (int axis = 0; axis < 3; ++axis) {
+      double sum = 0.0;
+      for (int slice = 0; slice < 5; ++slice) {
+        Box box = cube(2);
+        box.low[axis] = slice == 0 ? -2.0 : -1.03 + 0.41 * slice;  // no wall lies in a boundary
+        box.high[axis] = slice == 4 ? 2.0 : -1.03 + 0.41 * (slice + 1);
+        sum += walls.area(wall, box);
+      }
+      CHECK(sum == Approx(walls.area(wall, cube(2))).epsilon(1e-9));
+    }
   Scene scene;
   add_wall(scene, PlaneShape{{0, 0, 0}, {1, 1, 1}});  // a hexagon through the middles of twelve edges
   CHECK(Walls(scene).area(0, cube(1)) == Approx(3 * std::sqrt(3.0)));
