@@ -51,12 +51,25 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
 }
 
 void Contacts::rebuild(Particles& particles, double skin, double time, int n_threads) {
+  if (set_aside_) {
+    SetAside memory = std::move(*set_aside_);
+    set_aside_.reset();
+    build(particles, memory.pairs, memory.walls, leaving_grains(world_, subdomains_, particles), skin, time, n_threads);
+    return;
+  }
   refresh(particles);  // pairs are carried over by the images in which they are now
   const std::vector<std::uint8_t> is_leaving = leaving_grains(world_, subdomains_, particles);
   PairCarry pairs = pairs_.carry(particles, is_leaving, choice_.has_ledger, n_threads);
   pairs_.forget();
   WallCarry walls = wall_contacts_.carry();
   build(particles, pairs, walls, is_leaving, skin, time, n_threads);
+}
+
+void Contacts::set_aside() {
+  set_aside_ = SetAside{{}, wall_contacts_.carry()};
+  pairs_ = PairList();
+  wall_contacts_.release();
+  cells_ = Cells();
 }
 
 void Contacts::restore(Particles& particles, PairCarry pairs, WallCarry walls, double skin, double time,

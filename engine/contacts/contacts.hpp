@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -68,6 +69,17 @@ class Contacts {
   void rebuild(Particles& particles, double skin, double time, int n_threads);
   /// As rebuild, with the memory of a checkpoint, by place; pairs must stand at both their grains where these may part. All ranks.
   void restore(Particles& particles, PairCarry pairs, WallCarry walls, double skin, double time, int n_threads);
+
+  /// Gives the memory of the list back, to make room for something else. Until the next rebuild nothing may ask for contacts; what pairs
+  /// remember must be given back before it, by present places.
+  void set_aside();
+  /// Gives back what only steps need; then only what pairs remember may be asked for, until the next rebuild.
+  void release_index() {
+    pairs_.release_index();
+    cells_ = Cells();
+  }
+  void give_back(PairCarry pairs) { set_aside_->pairs = std::move(pairs); }
+  bool are_set_aside() const { return set_aside_.has_value(); }
 
   /// Makes the ghosts good for the present positions, for those who look at contacts between steps. All ranks.
   void refresh(Particles& particles);
@@ -156,6 +168,11 @@ class Contacts {
   Ghosts ghosts_;
   PairList pairs_;
   WallContacts wall_contacts_;
+  struct SetAside {
+    PairCarry pairs;
+    WallCarry walls;
+  };
+  std::optional<SetAside> set_aside_;
   ExactSum energy_left_;
   std::uint64_t n_migrated_ = 0;
 };

@@ -460,6 +460,15 @@ PairCarry PairList::carry(const Particles& particles, std::span<const std::uint8
   return carry;
 }
 
+void PairList::release_index() {
+  kept_.release();
+  for (ThreadPairs& t : threads_) {
+    t.entries.release();
+    t.offsets.release();
+    t.ring.release();
+  }
+}
+
 void PairList::forget() {
   for (ThreadPairs& t : threads_) {
     t.history.release();

@@ -120,6 +120,8 @@ class PairList {
   /// these stand at both grains.
   PairCarry carry(const Particles& particles, std::span<const std::uint8_t> is_leaving, bool has_energy,
                   int n_threads) const;
+  /// Gives back entries and slots: all but the pairs and what they remember.
+  void release_index();
   /// Gives back what a rebuild makes anew, so that old and new are never held at once. Only build() may follow.
   void forget();
 

@@ -51,6 +51,8 @@ class WallContacts {
   void build(const Particles& particles, const PairList& pairs, double skin, double time,
              std::span<const std::int32_t> was_at, const WallCarry& carry, int n_threads);
   WallCarry carry() const;
+  /// Gives all back. Only build() may follow.
+  void release() { std::vector<Share>().swap(shares_); }
   /// All memory as it is, and back again, with no rebuild between.
   std::vector<std::vector<WallMemory>> save() const;
   void put_back(const std::vector<std::vector<WallMemory>>& saved);

@@ -115,7 +115,9 @@ class RowsByGid {
       {{"", "the checkpoint remembers a contact of grain " + std::to_string(gid) + ", which it does not hold", false}});
 }
 
-PairCarry carry_of(const std::vector<PairHistory>& pairs, const RowsByGid& rows, std::size_t n, bool is_alone,
+/// `place_of`: of a gid; -1 where the grain is not here.
+template <typename PlaceOf>
+PairCarry carry_of(const std::vector<PairHistory>& pairs, PlaceOf place_of, std::size_t n, bool is_alone,
                    bool has_energy) {
   PairCarry carry;
   carry.begin.assign(n + 1, 0);
@@ -123,7 +125,7 @@ PairCarry carry_of(const std::vector<PairHistory>& pairs, const RowsByGid& rows,
   const auto each_end = [&](auto f) {
     for (const PairHistory& pair : pairs) {
       const auto image = static_cast<std::uint8_t>(pair.image);
-      const std::int32_t low = rows.place(pair.gid_low), high = rows.place(pair.gid_high);
+      const std::int32_t low = place_of(pair.gid_low), high = place_of(pair.gid_high);
       if (is_alone && low < 0) fail_missing(pair.gid_low);
       if (is_alone && high < 0) fail_missing(pair.gid_high);
       if (low < 0 && high < 0) fail_missing(pair.gid_low);
@@ -161,6 +163,17 @@ WallCarry carry_of(const std::vector<WallHistory>& walls, const RowsByGid& rows)
   return carry;
 }
 
+/// Places of the grains that are here, in order of gid.
+std::vector<std::int32_t> order_by_gid(const Particles& particles) {
+  std::vector<std::int32_t> order;
+  order.reserve(at(particles.size()));
+  for (std::int32_t i = 0; i < particles.size(); ++i)
+    if (particles.is_here(i)) order.push_back(i);
+  std::sort(order.begin(), order.end(),
+            [&](std::int32_t x, std::int32_t y) { return particles.gid(x) < particles.gid(y); });
+  return order;
+}
+
 /// What the contacts of this rank's rows remember, wherever it was given. Each pair comes to the ranks of both its grains.
 void bring_memory(const World& world, const RowsByGid& rows, std::vector<PairHistory>& pairs,
                   std::vector<WallHistory>& walls) {
@@ -193,12 +206,7 @@ void bring_memory(const World& world, const RowsByGid& rows, std::vector<PairHis
 }  // namespace
 
 void gather_fields(const Particles& particles, const std::vector<Field>& fields, Image& image) {
-  std::vector<std::int32_t> order;
-  order.reserve(at(particles.size()));
-  for (std::int32_t i = 0; i < particles.size(); ++i)
-    if (particles.is_here(i)) order.push_back(i);
-  std::sort(order.begin(), order.end(),
-            [&](std::int32_t x, std::int32_t y) { return particles.gid(x) < particles.gid(y); });
+  const std::vector<std::int32_t> order = order_by_gid(particles);
   for (const Field field : fields) {
     FieldArray array;
     array.field = field;
@@ -237,6 +245,16 @@ void gather_memory(const Particles& particles, const Contacts& contacts, Image& 
                            m.energy});
   }
   sort_memory(image);
+}
+
+PairCarry carry_by_place(const Particles& particles, const std::vector<PairHistory>& pairs) {
+  const std::vector<std::int32_t> order = order_by_gid(particles);
+  const auto place_of = [&](std::uint64_t gid) {
+    const auto found = std::lower_bound(order.begin(), order.end(), gid,
+                                        [&](std::int32_t i, std::uint64_t g) { return particles.gid(i) < g; });
+    return found == order.end() || particles.gid(*found) != gid ? -1 : *found;
+  };
+  return carry_of(pairs, place_of, at(particles.size()), true, particles.has(Field::dissipated));
 }
 
 void share_out_rows(const World& world, std::uint64_t n_gids, Image& image) {
@@ -316,15 +334,16 @@ void put_rows(const World& world, const Image& image, Particles& particles, Pair
   }
   const RowsByGid rows(world, gids);
   const bool has_energy = particles.has(Field::dissipated);
+  const auto place_of = [&](std::uint64_t gid) { return rows.place(gid); };
   if (world.is_alone()) {
-    pairs = carry_of(image.pairs, rows, gids.size(), true, has_energy);
+    pairs = carry_of(image.pairs, place_of, gids.size(), true, has_energy);
     walls = carry_of(image.walls, rows);
     return;
   }
   std::vector<PairHistory> own_pairs = image.pairs;
   std::vector<WallHistory> own_walls = image.walls;
   bring_memory(world, rows, own_pairs, own_walls);
-  pairs = carry_of(own_pairs, rows, gids.size(), false, has_energy);
+  pairs = carry_of(own_pairs, place_of, gids.size(), false, has_energy);
   walls = carry_of(own_walls, rows);
 }
 

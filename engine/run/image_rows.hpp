@@ -13,6 +13,9 @@ void gather_fields(const Particles& particles, const std::vector<Field>& fields,
 /// Appends what contacts remember, in order, each once over all ranks.
 void gather_memory(const Particles& particles, const Contacts& contacts, Image& image);
 
+/// What gather_memory has gathered, by the present places of the grains; alone only.
+PairCarry carry_by_place(const Particles& particles, const std::vector<PairHistory>& pairs);
+
 /// Brings rows that lie on any ranks into the order of an image: consecutive over the ranks, about as many on each. `n_gids`: gids ever
 /// given. Sets n_grains. All ranks call it.
 void share_out_rows(const World& world, std::uint64_t n_gids, Image& image);

@@ -1,5 +1,9 @@
 #include "engine/run/simulation.hpp"
 
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -71,6 +75,13 @@ GrainKind kind_of(const World& world, const Particles& particles) {
 void forget_lists(Scene& scene) {
   for (ParticleGroup& group : scene.particles)
     if (auto* listed = std::get_if<ListedGrains>(&group.fill)) std::vector<GrainSeed>().swap(listed->grains);
+}
+
+/// What was freed inside the heap goes back to the system.
+void trim_heap() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
 }
 
 }  // namespace
@@ -155,6 +166,7 @@ struct Simulation::Parts {
   void remove(std::int32_t i);
   void check_start();
   void renew_list();
+  void take_memory(Image& image);
   CensusTaker full_census() const;
   EnergyLedger energy();
   Image image_head() const;
@@ -304,6 +316,7 @@ void Simulation::Parts::check_travel() {
 void Simulation::Parts::rebuild() {
   stopwatch.start(Phase::rebuild);
   ++n_rebuilds;
+  if (contacts->are_set_aside()) trim_heap();  // of the image
   choose_skin();
   balance();
   place_at_rebuild = {};
@@ -465,6 +478,23 @@ void Simulation::Parts::check_start() {
   throw SceneError({{"particles", worst, false}});
 }
 
+/// What contacts remember, for an image. Alone, as the image weighs as much as the list, the list goes meanwhile: the next rebuild
+/// takes what pairs remember back from it.
+void Simulation::Parts::take_memory(Image& image) {
+  if (!world.is_alone()) {
+    gather_memory(particles, *contacts, image);
+    return;
+  }
+  is_list_old = true;
+  std::vector<Vec3>().swap(place_at_rebuild);
+  contacts->release_index();
+  trim_heap();
+  gather_memory(particles, *contacts, image);
+  contacts->set_aside();
+  contacts->give_back(carry_by_place(particles, image.pairs));
+  trim_heap();
+}
+
 /// Makes list and ghosts good for the present positions, for those who look at contacts between steps.
 void Simulation::Parts::renew_list() {
   if (decide().rebuild) rebuild();
@@ -620,6 +650,8 @@ std::int64_t Simulation::n_own_pairs() const { return parts_->contacts->n_pairs(
 std::uint64_t Simulation::n_own_grains() const { return static_cast<std::uint64_t>(parts_->particles.size()); }
 
 Hash128 Simulation::state_hash() const {
+  // A wall that vanishes in this very step takes what its contacts remember along.
+  if (parts_->contacts->are_set_aside() || parts_->time() >= parts_->next_wall_change) parts_->rebuild();
   parts_->contacts->refresh(parts_->particles);  // so that ghosts' contacts know who has left or crossed a face
   return moraine::state_hash(parts_->world, parts_->particles, *parts_->contacts, parts_->step);
 }
@@ -646,11 +678,11 @@ Image Simulation::checkpoint() const {
   Parts& p = *parts_;
   Image image = p.image_head();
   image.hash = state_hash();
+  p.take_memory(image);
   std::vector<Field> wanted;
   for (const FieldInfo& row : field_table)
     if (row.travel != Travel::never && p.particles.has(row.field)) wanted.push_back(row.field);
   gather_fields(p.particles, wanted, image);
-  gather_memory(p.particles, *p.contacts, image);
   p.count();
   share_out_rows(p.world, p.n_born, image);
   p.full_census().keep(image.accumulators);
