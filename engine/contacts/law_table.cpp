@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "engine/scene/lists.hpp"
+
 namespace moraine {
 
 namespace {
@@ -58,9 +60,11 @@ SceneLaws::SceneLaws(const Scene& scene)
   std::vector<bool> is_grain(scene.materials.size(), false);
   for (const ParticleGroup& group : scene.particles) {
     if (const int m = scene.material_index(group.material); m >= 0) is_grain[static_cast<std::size_t>(m)] = true;
-    if (const auto* listed = std::get_if<ListedGrains>(&group.fill))
-      for (const GrainSeed& grain : listed->grains)
-        if (grain.material < is_grain.size()) is_grain[grain.material] = true;
+    if (const auto* listed = std::get_if<ListedGrains>(&group.fill)) {
+      const ListFacts facts = facts_of(*listed);
+      for (std::size_t m = 0; m < is_grain.size(); ++m)
+        if (facts.uses(m)) is_grain[m] = true;
+    }
   }
   std::vector<PairParameters> pair_rows, wall_rows;
   pair_species.assign(scene.materials.size() * scene.materials.size(), 0);

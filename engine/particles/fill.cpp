@@ -14,6 +14,7 @@
 #include "engine/particles/pack.hpp"
 #include "engine/particles/pack_occupied.hpp"
 #include "engine/particles/sizes.hpp"
+#include "engine/scene/lists.hpp"
 #include "kernels/base/exact_sum.hpp"
 #include "kernels/base/random.hpp"
 #include "kernels/base/sphere.hpp"
@@ -30,6 +31,7 @@ struct Birth {
   const ParticleGroup& group;
   std::string key;             // of the group in the scene, for messages
   std::uint64_t first_number;  // of its first grain, counted over all groups
+  const World& world;          // whose ranks share the lists, where they do
 };
 
 [[noreturn]] void fail(const Birth& birth, const std::string& part, const std::string& message) {
@@ -233,7 +235,8 @@ std::vector<PackGrain> fill_lattice(const Birth& birth, const LatticeFill& fill,
 
 /// Velocities around the group's own: normal deviations, less their mass-weighted mean, so that the group's momentum is
 /// exactly its mass times the velocity asked for. (Their variance is therefore smaller by a factor 1 - 1/N.)
-void give_velocities(const Birth& birth, std::span<GrainSeed> grains) {
+/// `share`: the rank's part of the group.
+void give_velocities(const Birth& birth, std::span<GrainSeed> grains, const ListShare& share = {}) {
   const ParticleGroup& group = birth.group;
   for (GrainSeed& grain : grains) grain.velocity = group.velocity;
   if (!(group.velocity_deviation > 0.0)) return;
@@ -243,15 +246,19 @@ void give_velocities(const Birth& birth, std::span<GrainSeed> grains) {
   for (std::size_t i = 0; i < grains.size(); ++i) {
     Vec3 deviation;
     for (int k = 0; k < dimensions; ++k)
-      deviation[k] = group.velocity_deviation * random_normal(group.seed, birth.first_number + i,
+      deviation[k] = group.velocity_deviation * random_normal(group.seed, birth.first_number + share.row(i),
                                                               RandomPurpose::velocity, static_cast<std::uint64_t>(k));
     const double m = birth.scene.materials[grains[i].material].density * sphere_volume(grains[i].radius);
     grains[i].velocity += deviation;
     momentum.add(m * deviation);
     mass.add(m);
   }
-  if (!(mass.value() > 0.0)) return;
-  const Vec3 mean = momentum.value() / mass.value();
+  const World world = share.n_ranks > 1 ? birth.world : World();
+  const double total_mass = sum_over_ranks(world, mass);
+  if (!(total_mass > 0.0)) return;
+  const Vec3 total_momentum{sum_over_ranks(world, momentum.x), sum_over_ranks(world, momentum.y),
+                            sum_over_ranks(world, momentum.z)};
+  const Vec3 mean = total_momentum / total_mass;
   for (GrainSeed& grain : grains) grain.velocity -= mean;
 }
 
@@ -273,25 +280,26 @@ std::vector<GrainSeed> list_grains(const Birth& birth, const ListedGrains& list,
       list.has_radius ? std::nullopt : std::optional<DiameterSampler>(sampler_of(birth));
   for (std::size_t i = 0; i < grains.size(); ++i) {
     GrainSeed& grain = grains[i];
+    const std::uint64_t row = list.share.row(i);
     const Vec3 p = grain.position;
-    if (!list.has_radius) grain.radius = draw_radius(birth, *diameter, i);
+    if (!list.has_radius) grain.radius = draw_radius(birth, *diameter, row);
     if (!(grain.radius > 0.0) || !std::isfinite(grain.radius))
       fail(birth, ".fill",
-           fmt::format("grain {}{} has the radius {:g} m; it must be greater than zero", i + 1, where, grain.radius));
+           fmt::format("grain {}{} has the radius {:g} m; it must be greater than zero", row + 1, where, grain.radius));
     if (!bring_inside(birth.scene.domain, grain.position))
       fail(birth, ".fill",
-           fmt::format("grain {}{} at ({:g}, {:g}, {:g}) m lies outside the domain", i + 1, where, p.x, p.y, p.z));
+           fmt::format("grain {}{} at ({:g}, {:g}, {:g}) m lies outside the domain", row + 1, where, p.x, p.y, p.z));
     if (!birth.group.material.empty())
       grain.material = material_of(birth);
     else if (grain.material >= birth.scene.materials.size())
       fail(birth, ".fill",
-           fmt::format("grain {}{} names material number {}, there are {}", i + 1, where, grain.material,
+           fmt::format("grain {}{} names material number {}, there are {}", row + 1, where, grain.material,
                        birth.scene.materials.size()));
     if (!list.has_velocity) grain.angular_velocity = birth.group.angular_velocity;
   }
-  if (!list.has_velocity) give_velocities(birth, grains);
-  note =
-      fmt::format("{} grains{}", grains.size(), list.source.empty() ? " listed in the scene" : " from " + list.source);
+  if (!list.has_velocity) give_velocities(birth, grains, list.share);
+  note = fmt::format("{} grains{}", facts_of(list).n_grains,
+                     list.source.empty() ? " listed in the scene" : " from " + list.source);
   return grains;
 }
 
@@ -307,7 +315,7 @@ std::vector<GrainSeed> clothe(const Birth& birth, std::span<const PackGrain> bar
 
 std::int64_t count_group(const Birth& birth) {
   if (const auto* list = std::get_if<ListedGrains>(&birth.group.fill))
-    return static_cast<std::int64_t>(list->grains.size());
+    return static_cast<std::int64_t>(facts_of(*list).n_grains);
   if (const auto* lattice = std::get_if<LatticeFill>(&birth.group.fill)) {
     if (lattice->count) return *lattice->count;
     const double largest = sampler_of(birth).largest();
@@ -330,12 +338,12 @@ bool is_same(const Region& a, const Region& b) {
 }
 
 /// Groups from `first` on that can be born together: one, or a mixture.
-std::vector<Birth> next_births(const Scene& scene, std::size_t first, std::uint64_t first_number) {
+std::vector<Birth> next_births(const Scene& scene, std::size_t first, std::uint64_t first_number, const World& world) {
   std::vector<Birth> births;
   for (std::size_t i = first; i < scene.particles.size(); ++i) {
     const auto* fill = std::get_if<RandomFill>(&scene.particles[i].fill);
     if (i > first && !(fill && is_same(fill->region, random_fill(births[0]).region))) break;
-    births.push_back({scene, scene.particles[i], group_key(i), first_number});
+    births.push_back({scene, scene.particles[i], group_key(i), first_number, world});
     if (!fill) break;
   }
   return births;
@@ -360,12 +368,15 @@ std::vector<GrainSeed> bear(std::vector<Birth>& births, const std::vector<GrainS
 
 }  // namespace
 
-std::vector<GrainSeed> make_grains(const Scene& scene, int n_threads, FillReport* report) {
+std::vector<GrainSeed> make_grains(const Scene& scene, int n_threads, FillReport* report, const World& world) {
   std::vector<GrainSeed> grains;
+  std::uint64_t first_number = 0;
   for (std::size_t i = 0; i < scene.particles.size();) {
-    std::vector<Birth> births = next_births(scene, i, grains.size());
+    std::vector<Birth> births = next_births(scene, i, first_number, world);
     std::vector<std::string> notes;
     std::vector<GrainSeed> newborn = bear(births, grains, n_threads, notes);
+    const auto* const list = std::get_if<ListedGrains>(&scene.particles[i].fill);
+    first_number += list ? facts_of(*list).n_grains : newborn.size();
     if (grains.empty())
       grains = std::move(newborn);  // the usual scene has one group, and may have millions of grains
     else
@@ -377,10 +388,22 @@ std::vector<GrainSeed> make_grains(const Scene& scene, int n_threads, FillReport
   return grains;
 }
 
+std::vector<std::uint64_t> listed_gids(const Scene& scene) {
+  std::vector<std::uint64_t> gids;
+  std::uint64_t first = 0;
+  for (const ParticleGroup& group : scene.particles) {
+    const auto& list = std::get<ListedGrains>(group.fill);
+    for (std::size_t i = 0; i < list.grains.size(); ++i) gids.push_back(first + list.share.row(i));
+    first += facts_of(list).n_grains;
+  }
+  return gids;
+}
+
 std::int64_t count_grains(const Scene& scene) {
+  const World alone;
   std::int64_t n_grains = 0;
   for (std::size_t i = 0; i < scene.particles.size(); ++i)
-    n_grains += count_group({scene, scene.particles[i], group_key(i), static_cast<std::uint64_t>(n_grains)});
+    n_grains += count_group({scene, scene.particles[i], group_key(i), static_cast<std::uint64_t>(n_grains), alone});
   return n_grains;
 }
 

@@ -21,8 +21,10 @@ class ParcelWriter {
   template <typename T>
   void put_all(std::span<const T> values) {
     static_assert(std::is_trivially_copyable_v<T>);
-    const auto* const from = reinterpret_cast<const std::byte*>(values.data());
-    bytes_.insert(bytes_.end(), from, from + values.size_bytes());
+    if (values.empty()) return;
+    const std::size_t end = bytes_.size();
+    bytes_.resize(end + values.size_bytes());
+    std::memcpy(bytes_.data() + end, values.data(), values.size_bytes());
   }
   bool empty() const { return bytes_.empty(); }
   std::vector<std::byte> take() { return std::move(bytes_); }

@@ -139,4 +139,10 @@ void put_grains(const Scene& scene, const std::vector<GrainSeed>& seeds, Particl
   }
 }
 
+void put_grains(const Scene& scene, const std::vector<GrainSeed>& seeds, std::span<const std::uint64_t> gids,
+                Particles& particles) {
+  put_grains(scene, seeds, particles);
+  for (std::int32_t i = 0; i < particles.size(); ++i) particles.set_gid(i, gids[static_cast<std::size_t>(i)]);
+}
+
 }  // namespace moraine

@@ -96,5 +96,8 @@ class Particles {
 
 /// Puts grains at birth into storage, in the order of their gids, which count from 0. Throws SceneError where they are too many.
 void put_grains(const Scene& scene, const std::vector<GrainSeed>& seeds, Particles& particles);
+/// The same with these gids, one for each grain.
+void put_grains(const Scene& scene, const std::vector<GrainSeed>& seeds, std::span<const std::uint64_t> gids,
+                Particles& particles);
 
 }  // namespace moraine

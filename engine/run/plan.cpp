@@ -9,6 +9,7 @@
 #include "engine/contacts/law_table.hpp"
 #include "engine/particles/fill.hpp"
 #include "engine/particles/sizes.hpp"
+#include "engine/scene/lists.hpp"
 #include "kernels/base/sphere.hpp"
 #include "kernels/contact/sweep.hpp"
 
@@ -33,8 +34,9 @@ Sizes sizes_of(const Scene& scene, const std::string& material) {
   for (const ParticleGroup& group : scene.particles) {
     const auto* listed = std::get_if<ListedGrains>(&group.fill);
     if (listed && listed->has_radius) {
-      for (const GrainSeed& grain : listed->grains)
-        if (grain.material == index) include(2.0 * grain.radius, 2.0 * grain.radius);
+      const ListFacts facts = facts_of(*listed);
+      if (const auto m = static_cast<std::size_t>(index); facts.uses(m))
+        include(facts.of_material[m].smallest, facts.of_material[m].largest);
     } else if (group.material == material) {
       const DiameterSampler sampler(group.diameter);
       include(sampler.smallest(), sampler.largest());
@@ -67,8 +69,9 @@ double mean_diameter(const Scene& scene) {
   double sum = 0.0, count = 0.0;
   for (const ParticleGroup& group : scene.particles) {
     if (const auto* listed = std::get_if<ListedGrains>(&group.fill); listed && listed->has_radius) {
-      for (const GrainSeed& grain : listed->grains) sum += 2.0 * grain.radius;
-      count += static_cast<double>(listed->grains.size());
+      const ListFacts facts = facts_of(*listed);
+      sum += facts.sum_of_diameters;
+      count += static_cast<double>(facts.n_grains);
     } else {
       const DiameterSampler sampler(group.diameter);
       constexpr int n = 64;
@@ -125,8 +128,7 @@ double expected_speed(const Scene& scene) {
   double speed = 0.0;
   for (const ParticleGroup& group : scene.particles) {
     speed = std::max(speed, length(group.velocity) + 4.0 * group.velocity_deviation);
-    if (const auto* listed = std::get_if<ListedGrains>(&group.fill))
-      for (const GrainSeed& grain : listed->grains) speed = std::max(speed, length(grain.velocity));
+    if (const auto* listed = std::get_if<ListedGrains>(&group.fill)) speed = std::max(speed, facts_of(*listed).fastest);
   }
   const Vec3 g = scene.time.gravity, size = scene.domain.box().size();
   double fall = 0.0;  // g h over the directions in which a grain can fall

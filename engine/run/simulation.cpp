@@ -20,6 +20,7 @@
 #include "engine/run/probes.hpp"
 #include "engine/run/state_hash.hpp"
 #include "engine/scene/checks.hpp"
+#include "engine/scene/lists.hpp"
 #include "engine/threads.hpp"
 #include "engine/walls/walls.hpp"
 
@@ -42,8 +43,8 @@ FieldNeeds needs_of(const Scene& scene) {
   return needs;
 }
 
-void check(const Scene& scene) {
-  std::vector<Problem> problems = validate(scene);
+void check(const Scene& scene, const World& world) {
+  std::vector<Problem> problems = validate(scene, world);
   std::erase_if(problems, [](const Problem& problem) { return problem.is_warning; });
   if (!problems.empty()) throw SceneError(std::move(problems));
 }
@@ -527,20 +528,30 @@ EnergyLedger Simulation::Parts::energy() {
   return ledger;
 }
 
-/// All grains are born at the first rank; the first rebuild hands them over to those that they belong to.
+/// Where the ranks share lists, each gives birth to its rows of them; else the first rank to all grains. The first
+/// rebuild hands them over to those that they belong to.
 void Simulation::Parts::bear_grains() {
   std::string problem;
   try {
-    if (world.is_root()) put_grains(scene, make_grains(scene, n_threads), particles);
+    if (is_scattered(scene))
+      put_grains(scene, make_grains(scene, n_threads, nullptr, world), listed_gids(scene), particles);
+    else if (world.is_root())
+      put_grains(scene, make_grains(scene, n_threads), particles);
   } catch (const SceneError& error) {
     if (world.is_alone()) throw;
     problem = error.what();
   }
-  world.broadcast(problem);
-  if (!problem.empty()) throw SceneError({{"", problem, false}});
+  const std::vector<std::uint64_t> has_problem = world.gather(std::uint64_t{!problem.empty()});
+  const auto first = std::find(has_problem.begin(), has_problem.end(), 1);
+  if (first != has_problem.end()) {
+    world.broadcast(problem, static_cast<int>(first - has_problem.begin()));
+    throw SceneError({{"", problem, false}});
+  }
   census.n_born = static_cast<std::uint64_t>(particles.size());
   for (std::int32_t i = 0; i < particles.size(); ++i) census.mass_born.add(1.0 / particles.inverse_mass(i));
   count();
+  if (is_scattered(scene) && n_born != plan.n_grains)
+    throw std::logic_error("the lists of the scene were read by other ranks than those that run it");
 }
 
 Image Simulation::Parts::image_head() const {
@@ -554,7 +565,7 @@ Image Simulation::Parts::image_head() const {
 }
 
 Simulation::Simulation(const Scene& scene, int n_threads, const World& world) {
-  check(scene);
+  check(scene, world);
   parts_ = std::make_unique<Parts>(scene, n_threads, world);
   Parts& p = *parts_;
   p.bear_grains();
@@ -567,7 +578,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const World& world) {
 }
 
 Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, const World& world) {
-  check(scene);
+  check(scene, world);
   parts_ = std::make_unique<Parts>(scene, n_threads, world);
   Parts& p = *parts_;
   if (image.time_step != p.dt)

@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "engine/scene/checks.hpp"
+#include "engine/scene/lists.hpp"
 
 namespace moraine::checks {
 
@@ -25,9 +26,9 @@ Uses uses_of(const Scene& scene) {
     add(uses.grains, group.material);
     const auto* listed = std::get_if<ListedGrains>(&group.fill);
     if (!listed) continue;
-    std::size_t last = scene.materials.size();  // grains of one material usually follow each other
-    for (const GrainSeed& seed : listed->grains)
-      if (seed.material != last && seed.material < scene.materials.size()) uses.grains.insert(last = seed.material);
+    const ListFacts facts = facts_of(*listed);
+    for (std::size_t m = 0; m < scene.materials.size(); ++m)
+      if (facts.uses(m)) uses.grains.insert(m);
   }
   for (const WallDefinition& wall : scene.walls)
     if (!wall.symmetry) add(uses.walls, wall.material);

@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "engine/scene/checks.hpp"
+#include "engine/scene/lists.hpp"
 #include "kernels/base/sphere.hpp"
 
 namespace moraine::checks {
@@ -138,9 +139,37 @@ void check_lattice_fill(const Scene& scene, const ParticleGroup& group, const La
   if (fill.count && *fill.count < 1) found.error(key + ".count", "is {}; expected 1 or more", *fill.count);
 }
 
-/// Offenders among listed grains: how many, and the first.
+/// Something that listed grains do wrong: how many of them, and what is said of one, the worst and of equals the first.
+struct Offence {
+  std::uint64_t count = 0;
+  double badness = 0.0;
+  std::uint64_t number = 0;  // of that one, in the order of the lists
+  std::string key, text;
+};
+
+/// Of the shares of all ranks.
+void add_up(const World& world, Offence& offence) {
+  if (world.is_alone()) return;
+  const bool is_here = offence.count > 0;
+  world.sum(std::span(&offence.count, 1));
+  if (offence.count == 0) return;
+  const std::vector<double> badness = world.gather(is_here ? offence.badness : -infinity);
+  const std::vector<std::uint64_t> numbers = world.gather(offence.number);
+  std::size_t holder = 0;
+  for (std::size_t rank = 1; rank < badness.size(); ++rank)
+    if (badness[rank] > badness[holder] || (badness[rank] == badness[holder] && numbers[rank] < numbers[holder]))
+      holder = rank;
+  world.broadcast(offence.key, static_cast<int>(holder));
+  world.broadcast(offence.text, static_cast<int>(holder));
+}
+
+/// The ranks that share a list, or all lists of a scene; this one alone where it has them whole.
+World sharing(const ListedGrains& list, const Findings& found) { return list.whole ? found.world() : World(); }
+World sharing(const Scene& scene, const Findings& found) { return is_shared(scene) ? found.world() : World(); }
+
+/// Offenders among the grains here: how many, and the first.
 struct Offenders {
-  std::int64_t count = 0;
+  std::uint64_t count = 0;
   std::size_t first = 0;
   void add(std::size_t i) {
     if (count++ == 0) first = i;
@@ -159,41 +188,47 @@ std::string where_from(const ListedGrains& fill) { return fill.source.empty() ? 
 std::string key_of(const ListedGrains& fill, const std::string& key) {
   return key + (fill.source.empty() ? ".positions" : ".file");
 }
-std::string count_of(std::int64_t bad, std::size_t all) { return fmt::format("({} of {} grains)", bad, all); }
+std::string count_of(std::uint64_t bad, std::uint64_t all) { return fmt::format("({} of {} grains)", bad, all); }
 
 bool is_finite(Vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
 void check_listed_grains(const Scene& scene, const ListedGrains& fill, const std::string& group_key, Findings& found) {
   const std::string key = key_of(fill, group_key);
   const std::vector<GrainSeed>& grains = fill.grains;
-  if (grains.empty()) {
+  const ListFacts facts = facts_of(fill);
+  if (facts.n_grains == 0) {
     found.error(key, "{} no grains", fill.source.empty() ? "lists" : fill.source + " holds");
     return;
   }
-  const auto report = [&](const Offenders& bad, const std::string& what) {
+  const World world = sharing(fill, found);
+  const auto report = [&](const Offenders& bad, const auto& describe) {
+    Offence offence{bad.count, 0.0, fill.share.row(bad.first), key, ""};
     if (bad.count)
-      found.error(key, "grain {}{} {} {}", bad.first, where_from(fill), what, count_of(bad.count, grains.size()));
+      offence.text = fmt::format("grain {}{} {}", offence.number, where_from(fill), describe(grains[bad.first]));
+    add_up(world, offence);
+    if (offence.count) found.error(key, "{} {}", offence.text, count_of(offence.count, facts.n_grains));
   };
   const auto is_not_a_number = [](const GrainSeed& g) {
     return !is_finite(g.position) || !is_finite(g.velocity) || !is_finite(g.angular_velocity);
   };
-  report(offenders(grains, is_not_a_number), "has a position or velocity that is not finite");
+  report(offenders(grains, is_not_a_number),
+         [](const GrainSeed&) { return "has a position or velocity that is not finite"; });
   if (is_usable(scene.domain)) {
     const Box domain = scene.domain.box();
-    const Offenders bad =
-        offenders(grains, [&](const GrainSeed& g) { return is_finite(g.position) && !domain.contains(g.position); });
-    if (bad.count)
-      report(bad, fmt::format("is at {} m, outside the domain, {} m", text(grains[bad.first].position), text(domain)));
+    report(offenders(grains, [&](const GrainSeed& g) { return is_finite(g.position) && !domain.contains(g.position); }),
+           [&](const GrainSeed& g) {
+             return fmt::format("is at {} m, outside the domain, {} m", text(g.position), text(domain));
+           });
   }
-  if (fill.has_radius) {
-    const Offenders bad =
-        offenders(grains, [](const GrainSeed& g) { return !(std::isfinite(g.radius) && g.radius > 0.0); });
-    if (bad.count) report(bad, fmt::format("has a radius of {} m; expected more than 0", grains[bad.first].radius));
-  }
-  const Offenders bad = offenders(grains, [&](const GrainSeed& g) { return g.material >= scene.materials.size(); });
-  if (bad.count && !scene.materials.empty())
-    report(bad, fmt::format("has material number {}; the scene has {} materials", grains[bad.first].material,
-                            scene.materials.size()));
+  if (fill.has_radius)
+    report(offenders(grains, [](const GrainSeed& g) { return !(std::isfinite(g.radius) && g.radius > 0.0); }),
+           [](const GrainSeed& g) { return fmt::format("has a radius of {} m; expected more than 0", g.radius); });
+  if (!scene.materials.empty())
+    report(offenders(grains, [&](const GrainSeed& g) { return g.material >= scene.materials.size(); }),
+           [&](const GrainSeed& g) {
+             return fmt::format("has material number {}; the scene has {} materials", g.material,
+                                scene.materials.size());
+           });
 }
 
 void check_sizes(const SizeDistribution& d, const std::string& key, Findings& found) {
@@ -234,10 +269,13 @@ double known_radius(const ParticleGroup& group, const ListedGrains& fill, const 
   return group.diameter.kind == SizeDistribution::Kind::single ? group.diameter.value / 2.0 : 0.0;
 }
 
-/// All listed grains of a scene that have a usable radius and place, and where each came from.
+/// Where a listed grain came from: group, place among the grains of the group that are here.
+using Origin = std::pair<std::uint32_t, std::uint32_t>;
+
+/// The listed grains here that have a usable radius and place.
 struct ListedCensus {
   std::vector<ListedSphere> spheres;
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> origin;  // group, number within the group
+  std::vector<Origin> origin;
 };
 
 ListedCensus census(const Scene& scene) {
@@ -256,26 +294,44 @@ ListedCensus census(const Scene& scene) {
   return all;
 }
 
-std::string name_of(const Scene& scene, std::pair<std::uint32_t, std::uint32_t> origin) {
-  const auto& fill = std::get<ListedGrains>(scene.particles[origin.first].fill);
-  return fmt::format("grain {} of {}", origin.second,
+const ListedGrains& list_of(const Scene& scene, Origin origin) {
+  return std::get<ListedGrains>(scene.particles[origin.first].fill);
+}
+/// Number over all lists.
+std::uint64_t number_of(const Scene& scene, Origin origin) {
+  std::uint64_t number = list_of(scene, origin).share.row(origin.second);
+  for (std::size_t g = 0; g < origin.first; ++g)
+    if (const auto* fill = std::get_if<ListedGrains>(&scene.particles[g].fill)) number += facts_of(*fill).n_grains;
+  return number;
+}
+std::string name_of(const Scene& scene, Origin origin) {
+  const ListedGrains& fill = list_of(scene, origin);
+  return fmt::format("grain {} of {}", fill.share.row(origin.second),
                      fill.source.empty() ? fmt::format("particles[{}]", origin.first) : fill.source);
 }
-std::string key_of(const Scene& scene, std::pair<std::uint32_t, std::uint32_t> origin) {
-  return key_of(std::get<ListedGrains>(scene.particles[origin.first].fill),
-                fmt::format("particles[{}].fill", origin.first));
+std::string key_of(const Scene& scene, Origin origin) {
+  return key_of(list_of(scene, origin), fmt::format("particles[{}].fill", origin.first));
 }
 
+/// Where every rank has a part of the grains only, their contacts tell, once there are any.
 void check_overlaps_of_grains(const Scene& scene, const ListedCensus& all, Findings& found) {
+  if (is_scattered(scene)) return;
   const OverlapReport report = find_overlaps(all.spheres, scene.domain, max_start_overlap);
-  if (report.count == 0) return;
-  const auto first = all.origin[static_cast<std::size_t>(report.first)];
-  const auto second = all.origin[static_cast<std::size_t>(report.second)];
-  found.error(key_of(scene, second),
-              "{} and {} overlap by {:.4g} m, {:.0f} % of the smaller radius; at most {:.0f} % is allowed at "
-              "the start ({} pair{} beyond it)",
-              name_of(scene, first), name_of(scene, second), report.overlap, 100.0 * report.relative,
-              100.0 * max_start_overlap, report.count, report.count == 1 ? "" : "s");
+  Offence offence;
+  offence.count = static_cast<std::uint64_t>(report.count);
+  if (report.count > 0) {
+    const auto first = all.origin[static_cast<std::size_t>(report.first)];
+    const auto second = all.origin[static_cast<std::size_t>(report.second)];
+    offence.key = key_of(scene, second);
+    offence.text = fmt::format(
+        "{} and {} overlap by {:.4g} m, {:.0f} % of the smaller radius; at most {:.0f} % is allowed at the "
+        "start",
+        name_of(scene, first), name_of(scene, second), report.overlap, 100.0 * report.relative,
+        100.0 * max_start_overlap);
+  }
+  add_up(sharing(scene, found), offence);
+  if (offence.count)
+    found.error(offence.key, "{} ({} pair{} beyond it)", offence.text, offence.count, offence.count == 1 ? "" : "s");
 }
 
 /// Flat walls that stand at the start, as planes that face the grains.
@@ -301,23 +357,29 @@ std::vector<std::pair<PlaneShape, std::size_t>> flat_walls(const Scene& scene) {
 }
 
 void check_overlaps_with_walls(const Scene& scene, const ListedCensus& all, Findings& found) {
+  const World world = sharing(scene, found);
   for (const auto& [plane, wall] : flat_walls(scene)) {
-    std::int64_t count = 0;
-    double worst = max_start_overlap;
+    Offence offence;
+    offence.badness = max_start_overlap;
     std::size_t which = 0;
     for (std::size_t i = 0; i < all.spheres.size(); ++i) {
       const ListedSphere& sphere = all.spheres[i];
       const double relative = 1.0 - dot(sphere.centre - plane.point, plane.normal) / sphere.radius;
       if (!(relative > max_start_overlap)) continue;
-      ++count;
-      if (relative > worst) worst = relative, which = i;
+      ++offence.count;
+      if (relative > offence.badness) offence.badness = relative, which = i;
     }
-    if (count == 0) continue;
-    found.error(key_of(scene, all.origin[which]),
-                "{} reaches {:.4g} m, {:.0f} % of its radius, into wall \"{}\"; at most {:.0f} % is "
-                "allowed at the start ({} grain{} beyond it)",
-                name_of(scene, all.origin[which]), worst * all.spheres[which].radius, 100.0 * worst,
-                scene.walls[wall].name, 100.0 * max_start_overlap, count, count == 1 ? "" : "s");
+    if (offence.count) {
+      offence.number = number_of(scene, all.origin[which]);
+      offence.key = key_of(scene, all.origin[which]);
+      offence.text = fmt::format(
+          "{} reaches {:.4g} m, {:.0f} % of its radius, into wall \"{}\"; at most {:.0f} % is allowed at the start",
+          name_of(scene, all.origin[which]), offence.badness * all.spheres[which].radius, 100.0 * offence.badness,
+          scene.walls[wall].name, 100.0 * max_start_overlap);
+    }
+    add_up(world, offence);
+    if (offence.count)
+      found.error(offence.key, "{} ({} grain{} beyond it)", offence.text, offence.count, offence.count == 1 ? "" : "s");
   }
 }
 
@@ -355,7 +417,11 @@ std::pair<double, double> diameter_range(const ParticleGroup& group) {
   };
   const SizeDistribution& d = group.diameter;
   if (const auto* listed = std::get_if<ListedGrains>(&group.fill); listed && listed->has_radius) {
-    for (const GrainSeed& grain : listed->grains) include(2.0 * grain.radius);
+    const ListFacts facts = facts_of(*listed);
+    for (const ListFacts::OfMaterial& kind : facts.of_material) {
+      include(kind.smallest);
+      include(kind.largest);
+    }
   } else if (d.kind == SizeDistribution::Kind::single) {
     include(d.value);
   } else if (d.kind == SizeDistribution::Kind::list) {

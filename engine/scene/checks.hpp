@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "comm/world.hpp"
 #include "engine/scene/scene.hpp"
 
 namespace moraine::checks {
@@ -15,7 +16,9 @@ namespace moraine::checks {
 /// Collects problems. Messages read on from the key: "time.end" "is -1; expected more than 0 [s]".
 class Findings {
  public:
-  explicit Findings(const Domain& domain) : domain_(domain) {}
+  /// `world`: the ranks that look at the scene together.
+  explicit Findings(const Domain& domain, const World& world = {}) : domain_(domain), world_(world) {}
+  const World& world() const { return world_; }
 
   template <class... Args>
   void error(std::string key, fmt::format_string<Args...> format, Args&&... args) {
@@ -54,6 +57,7 @@ class Findings {
 
  private:
   const Domain& domain_;
+  World world_;
   std::vector<Problem> problems_;
 };
 

@@ -19,6 +19,8 @@
 
 namespace moraine {
 
+class World;
+
 inline constexpr double infinity = std::numeric_limits<double>::infinity();
 
 struct Domain {
@@ -117,13 +119,37 @@ struct GrainSeed {
   double radius = 0.0;         // [m]
   std::uint16_t material = 0;  // index into Scene::materials
 };
+/// The rows of a list that a rank keeps where several share it: blocks of consecutive rows, dealt out in turn. A rank
+/// that is not below n_ranks keeps none.
+struct ListShare {
+  std::uint64_t rank = 0, n_ranks = 1;
+  std::uint64_t block = 1024;  // rows
+  bool is_empty() const { return rank >= n_ranks; }
+  bool has(std::uint64_t row) const { return row / block % n_ranks == rank; }
+  /// Number in the list of the i-th row that the rank keeps; both count from 0.
+  std::uint64_t row(std::uint64_t i) const { return (i / block * n_ranks + rank) * block + i % block; }
+};
+/// What a run must know of a whole list, of which its rank may have a share only.
+struct ListFacts {
+  struct OfMaterial {
+    std::uint64_t n_grains = 0;
+    double smallest = infinity, largest = 0.0;  // [m] diameters; of radii that can be used
+  };
+  std::uint64_t n_grains = 0;
+  std::vector<OfMaterial> of_material;  // by index into Scene::materials, as far as there are grains
+  double sum_of_diameters = 0.0;        // [m]
+  double fastest = 0.0;                 // [m/s]
+  bool uses(std::size_t material) const { return material < of_material.size() && of_material[material].n_grains > 0; }
+};
 /// Grains read from a file or listed in the scene. Columns that the source did not have are taken from the group.
 struct ListedGrains {
-  std::string source;  // file name, for messages; empty: listed in the scene
-  std::vector<GrainSeed> grains;
+  std::string source;             // file name, for messages; empty: listed in the scene
+  std::vector<GrainSeed> grains;  // of this rank's share
   bool has_radius = false;
   bool has_velocity = false;  // of both velocities
   bool has_material = false;  // the material of a group, where it has one, goes before that of its grains
+  ListShare share = {};
+  std::optional<ListFacts> whole = {};  // where ranks share the list; none: all its grains are here
 };
 
 struct ParticleGroup {
@@ -256,6 +282,9 @@ struct Problem {
 
 /// Every problem of a scene that can be seen without building it. Empty: the scene can be run.
 std::vector<Problem> validate(const Scene& scene);
+/// The same where the ranks of `world` share the scene's lists, which look at their shares and find the same together.
+/// All ranks call it. Overlaps of two listed grains are not looked for where each rank has a part of them.
+std::vector<Problem> validate(const Scene& scene, const World& world);
 
 /// Thrown where a scene cannot be run; `what()` lists all problems, one a line.
 struct SceneError : std::runtime_error {

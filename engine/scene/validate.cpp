@@ -191,8 +191,10 @@ void check_run(const Scene& scene, Findings& found) {
 }  // namespace
 }  // namespace checks
 
-std::vector<Problem> validate(const Scene& scene) {
-  checks::Findings found(scene.domain);
+std::vector<Problem> validate(const Scene& scene) { return validate(scene, World()); }
+
+std::vector<Problem> validate(const Scene& scene, const World& world) {
+  checks::Findings found(scene.domain, world);
   checks::check_domain(scene, found);
   checks::check_time(scene, found);
   checks::check_materials(scene, found);

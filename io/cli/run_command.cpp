@@ -431,7 +431,7 @@ int run_on_ranks(const RunRequest& request, Scene& scene, const Layout& layout, 
 int run_scene(const RunRequest& request, Log& log, const World& world) {
   const WallClock clock;
   std::vector<SceneMessage> warnings;
-  Scene scene = read_scene(request.scene_file, request.overrides, &warnings);
+  Scene scene = read_scene(request.scene_file, request.overrides, &warnings, world);
   GivenLayout given;
   if (World::is_launched()) {
     given = layout_of_given_ranks(request.layout, scene.run.layout, world);

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "comm/world.hpp"
 #include "engine/scene/scene.hpp"
 
 namespace moraine {
@@ -30,6 +31,7 @@ struct GrainFileContext {
   Vec3 velocity;            // [m/s] of grains of a file that gives spins only
   Vec3 angular_velocity;    // [rad/s] of grains whose spin the file does not give
   std::optional<double> z;  // [m] of grains of a file without z; none: z is required
+  ListShare share = {};     // the rows to keep; by ranks of HDF5 files each keeps consecutive ones
 };
 
 /// Reads a list of grains. By the ending of the file:
@@ -40,16 +42,44 @@ struct GrainFileContext {
 ///     (N, 3), material (N; number of the material in the scene), as in snapshots.
 /// Material and angular velocity of every seed are set, from the file or from the context.
 /// Throws FileError with line and column, or with the dataset.
-ListedGrains load_grains(const std::filesystem::path& file, const GrainFileContext& context = {});
+/// Where the ranks of `world` share the list, all of them call it; each keeps the rows of its share and learns what
+/// they hold together, and no rank holds the file whole at any time. They all throw the same error, which is the one of
+/// a rank alone.
+ListedGrains load_grains(const std::filesystem::path& file, const GrainFileContext& context = {},
+                         const World& world = {});
 
 namespace files {
-// Parts of load_grains, by kind of file.
-ListedGrains load_grain_table(const std::filesystem::path& file, const GrainFileContext& context);
-ListedGrains load_grain_hdf5(const std::filesystem::path& file, const GrainFileContext& context);
+
+/// What is wrong with rows of a list; those of several ranks come together as one rank would have found them.
+class RowProblems {
+ public:
+  /// `most`: how many are told; what follows them is counted.
+  explicit RowProblems(std::size_t most) : most_(most) {}
+  /// Row, or line: what they are told in order of.
+  void add(std::uint64_t row, const std::string& text);
+  bool empty() const { return count_ == 0; }
+  /// All ranks call it; the same on all.
+  std::string text(const World& world) const;
+
+ private:
+  std::size_t most_;
+  std::uint64_t count_ = 0;
+  std::vector<std::string> told_;  // each begins with its row, in so many digits that texts are in the order of rows
+};
+
+/// What is read of a file by one rank: the rows of context.share, and the problems of these rows.
+struct ShareOfList {
+  ListedGrains list;
+  RowProblems problems;
+};
+ShareOfList load_grain_table(const std::filesystem::path& file, const GrainFileContext& context);
+ShareOfList load_grain_hdf5(const std::filesystem::path& file, const GrainFileContext& context);
+
 /// Throws FileError unless the file exists, is a file, can be read and is not empty.
 void expect_readable(const std::filesystem::path& file);
 /// Ending of the name in lower case, with its dot; ".csv.gz" counts as one.
 std::string ending_of(const std::filesystem::path& file);
+
 }  // namespace files
 
 }  // namespace moraine

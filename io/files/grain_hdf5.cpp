@@ -3,8 +3,10 @@
 #include <hdf5.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "io/files/files.hpp"
+#include "kernels/base/range.hpp"
 
 namespace moraine {
 
@@ -17,6 +19,7 @@ class Handle {
   ~Handle() {
     if (id_ >= 0) close_(id_);
   }
+  Handle(Handle&& other) noexcept : id_(std::exchange(other.id_, -1)), close_(other.close_) {}
   Handle(const Handle&) = delete;
   Handle& operator=(const Handle&) = delete;
   operator hid_t() const { return id_; }
@@ -55,34 +58,53 @@ class SnapshotReader {
            H5Lexists(file_, ("/particles/" + name).c_str(), H5P_DEFAULT) > 0;
   }
 
-  /// Rows of `components` doubles; `rows` is the number expected, or -1 for any.
-  std::vector<double> read(const std::string& name, int components, std::int64_t rows) const {
-    const std::string dataset_name = "/particles/" + name;
-    const auto fail = [&](const std::string& what) {
-      throw FileError(fmt::format("dataset {}: {}: {}", dataset_name, what, path_.string()));
-    };
-    if (!has(name)) fail("missing");
-    const Handle dataset(H5Dopen2(file_, dataset_name.c_str(), H5P_DEFAULT), H5Dclose);
-    if (!dataset.is_open()) fail("cannot be opened");
-    const Handle space(H5Dget_space(dataset), H5Sclose);
-    hsize_t size[2] = {0, 1};
-    const int rank = H5Sget_simple_extent_ndims(space);
-    if (rank < 1 || rank > 2) fail(fmt::format("has {} dimensions; expected {}", rank, components == 1 ? 1 : 2));
-    H5Sget_simple_extent_dims(space, size, nullptr);
-    if (size[1] != static_cast<hsize_t>(components))
-      fail(fmt::format("has {} columns; expected {}", size[1], components));
-    if (rows >= 0 && size[0] != static_cast<hsize_t>(rows))
-      fail(fmt::format("has {} rows; position has {}", size[0], rows));
-    const Handle type(H5Dget_type(dataset), H5Tclose);
+  /// Number of rows of a dataset.
+  std::uint64_t n_rows(const std::string& name, int components) const { return open(name, components).n_rows; }
+
+  /// These rows, of `components` doubles each, of a dataset of n_rows.
+  std::vector<double> read(const std::string& name, int components, std::uint64_t n_rows, Range rows) const {
+    const Dataset from = open(name, components);
+    if (from.n_rows != n_rows) fail(name, fmt::format("has {} rows; position has {}", from.n_rows, n_rows));
+    const Handle type(H5Dget_type(from.dataset), H5Tclose);
     if (const H5T_class_t kind = H5Tget_class(type); kind != H5T_FLOAT && kind != H5T_INTEGER)
-      fail("does not hold numbers");
-    std::vector<double> values(static_cast<std::size_t>(size[0] * size[1]));
-    if (!values.empty() && H5Dread(dataset, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
-      fail("cannot be read; the file is damaged");
+      fail(name, "does not hold numbers");
+    const hsize_t begin[2] = {static_cast<hsize_t>(rows.begin), 0};
+    const hsize_t count[2] = {static_cast<hsize_t>(rows.end - rows.begin), static_cast<hsize_t>(components)};
+    std::vector<double> values(static_cast<std::size_t>(count[0] * count[1]));
+    if (values.empty()) return values;
+    const Handle memory(H5Screate_simple(2, count, nullptr), H5Sclose);
+    if (H5Sselect_hyperslab(from.space, H5S_SELECT_SET, begin, nullptr, count, nullptr) < 0 ||
+        H5Dread(from.dataset, H5T_NATIVE_DOUBLE, memory, from.space, H5P_DEFAULT, values.data()) < 0)
+      fail(name, "cannot be read; the file is damaged");
     return values;
   }
 
  private:
+  struct Dataset {
+    Handle dataset, space;
+    std::uint64_t n_rows;
+  };
+
+  [[noreturn]] void fail(const std::string& name, const std::string& what) const {
+    throw FileError(fmt::format("dataset /particles/{}: {}: {}", name, what, path_.string()));
+  }
+
+  Dataset open(const std::string& name, int components) const {
+    if (!has(name)) fail(name, "missing");
+    const hid_t dataset = H5Dopen2(file_, ("/particles/" + name).c_str(), H5P_DEFAULT);
+    if (dataset < 0) fail(name, "cannot be opened");
+    const hid_t space = H5Dget_space(dataset);
+    hsize_t size[2] = {0, 1};
+    const int rank = H5Sget_simple_extent_ndims(space);
+    Dataset opened{{dataset, H5Dclose}, {space, H5Sclose}, 0};
+    if (rank < 1 || rank > 2) fail(name, fmt::format("has {} dimensions; expected {}", rank, components == 1 ? 1 : 2));
+    H5Sget_simple_extent_dims(space, size, nullptr);
+    if (size[1] != static_cast<hsize_t>(components))
+      fail(name, fmt::format("has {} columns; expected {}", size[1], components));
+    opened.n_rows = size[0];
+    return opened;
+  }
+
   const std::filesystem::path& path_;
   Handle file_;
 };
@@ -91,47 +113,54 @@ Vec3 row(const std::vector<double>& values, std::size_t i) {
   return {values[3 * i], values[3 * i + 1], values[3 * i + 2]};
 }
 
-std::uint16_t material_number(double value, std::size_t grain, const GrainFileContext& context,
-                              const std::filesystem::path& file) {
-  if (value >= 0.0 && value < static_cast<double>(context.materials.size())) return static_cast<std::uint16_t>(value);
-  throw FileError(
-      fmt::format("dataset /particles/material: grain {} has material number {}, the scene has {} materials: {}", grain,
-                  value, context.materials.size(), file.string()));
+bool is_material(double number, const GrainFileContext& context) {
+  return number >= 0.0 && number < static_cast<double>(context.materials.size());
 }
 
 }  // namespace
 
-ListedGrains files::load_grain_hdf5(const std::filesystem::path& file, const GrainFileContext& context) {
+files::ShareOfList files::load_grain_hdf5(const std::filesystem::path& file, const GrainFileContext& context) {
   const Quiet quiet;
   const SnapshotReader in(file);
-  const std::vector<double> positions = in.read("position", 3, -1);
-  const std::size_t n = positions.size() / 3;
-  const auto rows = static_cast<std::int64_t>(n);
+  const std::uint64_t n = in.n_rows("position", 3);
   if (n == 0) throw FileError(fmt::format("dataset /particles/position: holds no grains: {}", file.string()));
+  ShareOfList read{{}, RowProblems(1)};
+  ListedGrains& listed = read.list;
+  listed.source = file.filename().string();
+  listed.share = context.share;
+  listed.share.block = (n + listed.share.n_ranks - 1) / listed.share.n_ranks;
+  const std::uint64_t begin = std::min(n, listed.share.row(0)), end = std::min(n, begin + listed.share.block);
+  const Range rows{static_cast<std::int64_t>(begin), static_cast<std::int64_t>(end)};
   const auto read_if_there = [&](const char* name, int components) {
-    return in.has(name) ? in.read(name, components, rows) : std::vector<double>();
+    return in.has(name) ? in.read(name, components, n, rows) : std::vector<double>();
   };
+  const std::vector<double> positions = in.read("position", 3, n, rows);
   const std::vector<double> radii = read_if_there("radius", 1);
   const std::vector<double> velocities = read_if_there("velocity", 3);
   const std::vector<double> spins = read_if_there("angular_velocity", 3);
   const std::vector<double> materials = read_if_there("material", 1);
 
-  ListedGrains listed;
-  listed.source = file.filename().string();
-  listed.has_radius = !radii.empty();
-  listed.has_velocity = !velocities.empty() || !spins.empty();
-  listed.has_material = !materials.empty();
-  listed.grains.resize(n);
-  for (std::size_t i = 0; i < n; ++i) {
+  listed.has_radius = in.has("radius");
+  listed.has_velocity = in.has("velocity") || in.has("angular_velocity");
+  listed.has_material = in.has("material");
+  listed.grains.resize(positions.size() / 3);
+  for (std::size_t i = 0; i < listed.grains.size() && read.problems.empty(); ++i) {
     GrainSeed& seed = listed.grains[i];
     seed.position = row(positions, i);
     if (!radii.empty()) seed.radius = radii[i];
     seed.velocity = velocities.empty() ? context.velocity : row(velocities, i);
     seed.angular_velocity = spins.empty() ? context.angular_velocity : row(spins, i);
-    const bool is_told = materials.empty() || context.material;
-    seed.material = is_told ? context.material.value_or(0) : material_number(materials[i], i, context, file);
+    seed.material = context.material.value_or(0);
+    if (materials.empty() || context.material) continue;
+    if (is_material(materials[i], context))
+      seed.material = static_cast<std::uint16_t>(materials[i]);
+    else
+      read.problems.add(begin + i,
+                        fmt::format("dataset /particles/material: grain {} has material number {}, the scene has {} "
+                                    "materials: {}",
+                                    begin + i, materials[i], context.materials.size(), file.string()));
   }
-  return listed;
+  return read;
 }
 
 }  // namespace moraine

@@ -27,23 +27,47 @@ constexpr ColumnName column_names[] = {
 };
 constexpr const char* known_columns = "x, y, z, r or d, vx, vy, vz, wx, wy, wz, material";
 
-/// The whole file, unpacked where it is packed (zlib reads plain files as they are).
-std::string read_all(const std::filesystem::path& file) {
-  const std::unique_ptr<gzFile_s, int (*)(gzFile)> in(gzopen(file.c_str(), "rb"), gzclose);
-  if (!in) throw FileError(fmt::format("cannot be read: {}", file.string()));
-  std::string text;
-  std::vector<char> buffer(1 << 20);
-  for (;;) {
-    const int n = gzread(in.get(), buffer.data(), static_cast<unsigned>(buffer.size()));
-    if (n > 0) text.append(buffer.data(), static_cast<std::size_t>(n));
-    if (n == static_cast<int>(buffer.size())) continue;
-    int code = Z_OK;
-    const char* reason = gzerror(in.get(), &code);
-    if (n < 0 || (code != Z_OK && code != Z_STREAM_END))
-      throw FileError(fmt::format("cannot be unpacked ({}): {}", reason, file.string()));
-    return text;
+/// The lines of a file, one after the other, unpacked where it is packed (zlib reads plain files as they are).
+class Lines {
+ public:
+  explicit Lines(const std::filesystem::path& file) : file_(file), in_(gzopen(file.c_str(), "rb"), gzclose) {
+    if (!in_) throw FileError(fmt::format("cannot be read: {}", file.string()));
   }
-}
+
+  /// False at the end. A line is good until the next one.
+  bool next(std::string_view& line) {
+    std::size_t end;
+    while ((end = text_.find('\n', at_)) == std::string::npos && !is_at_end_) read_on();
+    if (end == std::string::npos) end = text_.size();
+    line = std::string_view(text_).substr(at_, end - at_);
+    const bool is_there = at_ < text_.size();
+    at_ = std::min(end + 1, text_.size());
+    return is_there;
+  }
+
+ private:
+  void read_on() {
+    text_.erase(0, at_);
+    at_ = 0;
+    constexpr std::size_t size = 1 << 20;
+    const std::size_t before = text_.size();
+    text_.resize(before + size);
+    const int n = gzread(in_.get(), text_.data() + before, static_cast<unsigned>(size));
+    text_.resize(before + static_cast<std::size_t>(std::max(n, 0)));
+    if (n == static_cast<int>(size)) return;
+    is_at_end_ = true;
+    int code = Z_OK;
+    const char* reason = gzerror(in_.get(), &code);
+    if (n < 0 || (code != Z_OK && code != Z_STREAM_END))
+      throw FileError(fmt::format("cannot be unpacked ({}): {}", reason, file_.string()));
+  }
+
+  const std::filesystem::path& file_;
+  std::unique_ptr<gzFile_s, int (*)(gzFile)> in_;
+  std::string text_;
+  std::size_t at_ = 0;
+  bool is_at_end_ = false;
+};
 
 std::string_view trimmed(std::string_view text) {
   while (!text.empty() && (text.front() == ' ' || text.front() == '\t')) text.remove_prefix(1);
@@ -86,30 +110,28 @@ std::string lower(std::string_view text) {
 
 class TableReader {
  public:
-  TableReader(const std::filesystem::path& file, const GrainFileContext& context) : file_(file), context_(context) {
+  TableReader(const std::filesystem::path& file, const GrainFileContext& context)
+      : file_(file), context_(context), lines_(file) {
     column_of_.fill(-1);
+    grains_.source = file.filename().string();
+    grains_.share = context.share;
   }
 
-  ListedGrains read() {
-    const std::string text = read_all(file_);
-    std::string_view rest = text;
+  files::ShareOfList read() {
     bool has_header = false;
-    while (!rest.empty()) {
-      const std::size_t end = std::min(rest.find('\n'), rest.size());
-      const std::string_view line = trimmed(rest.substr(0, end));
-      rest.remove_prefix(std::min(end + 1, rest.size()));
+    std::uint64_t n_rows = 0;
+    for (std::string_view line; lines_.next(line);) {
+      line = trimmed(line);
       ++line_number_;
       if (line.empty() || line.front() == '#') continue;
       if (!has_header)
         read_header(line), has_header = true;
-      else
+      else if (grains_.share.has(n_rows++))
         read_grain(line);
     }
     if (!has_header) fail_file(fmt::format("holds no header; expected the columns {}", known_columns));
-    if (grains_.grains.empty() && problems_.empty()) fail_file("holds a header but no grains");
-    if (!problems_.empty()) throw FileError(problem_text());
-    grains_.source = file_.filename().string();
-    return std::move(grains_);
+    if (n_rows == 0) fail_file("holds a header but no grains");
+    return {std::move(grains_), std::move(problems_)};
   }
 
  private:
@@ -118,16 +140,13 @@ class TableReader {
   [[noreturn]] void fail_file(const std::string& what) const {
     throw FileError(fmt::format("{}: {}", what, file_.string()));
   }
-  [[noreturn]] void fail_header(const std::string& what) const {
+  [[noreturn]] void fail_header(const std::string& what) {
+    for (std::string_view line; lines_.next(line);) continue;  // a file that cannot be unpacked is told of as such
     throw FileError(fmt::format("{}:{}: {}", file_.string(), line_number_, what));
   }
   void complain(std::size_t column, const std::string& what) {
-    if (++n_problems_ > 10) return;
-    problems_ += fmt::format("{}{}:{}: column {} (\"{}\"): {}", problems_.empty() ? "" : "\n", file_.string(),
-                             line_number_, column + 1, column < header_.size() ? header_[column] : "", what);
-  }
-  std::string problem_text() const {
-    return n_problems_ > 10 ? fmt::format("{}\nand {} more", problems_, n_problems_ - 10) : problems_;
+    problems_.add(line_number_, fmt::format("{}:{}: column {} (\"{}\"): {}", file_.string(), line_number_, column + 1,
+                                            column < header_.size() ? header_[column] : "", what));
   }
 
   /// Column names may carry their unit, as "x [m]" or "x[m]"; only SI units are right.
@@ -227,26 +246,14 @@ class TableReader {
   char separator_ = ',';
   bool has_velocity_ = false, has_spin_ = false;
   std::size_t line_number_ = 0;
-  std::size_t n_problems_ = 0;
-  std::string problems_;
+  Lines lines_;
+  files::RowProblems problems_{10};
 };
 
 }  // namespace
 
-ListedGrains files::load_grain_table(const std::filesystem::path& file, const GrainFileContext& context) {
+files::ShareOfList files::load_grain_table(const std::filesystem::path& file, const GrainFileContext& context) {
   return TableReader(file, context).read();
-}
-
-ListedGrains load_grains(const std::filesystem::path& file, const GrainFileContext& context) {
-  files::expect_readable(file);
-  const std::string ending = files::ending_of(file);
-  if (ending == ".h5" || ending == ".hdf5") return files::load_grain_hdf5(file, context);
-  for (const char* known : {".csv", ".txt", ".dat", ".csv.gz", ".txt.gz", ".dat.gz"})
-    if (ending == known) return files::load_grain_table(file, context);
-  throw FileError(
-      fmt::format("\"{}\" is not a kind of grain list that can be read; expected .csv, .txt or .dat (each also with "
-                  ".gz), .h5 or .hdf5: {}",
-                  ending, file.string()));
 }
 
 }  // namespace moraine

@@ -2,9 +2,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 #include <sstream>
+#include <type_traits>
 
+#include "engine/scene/lists.hpp"
 #include "io/files/files.hpp"
 #include "io/scene_toml/scene_keys.hpp"
 
@@ -14,8 +17,8 @@ namespace {
 
 class Assembler {
  public:
-  Assembler(const SceneDraft& draft, const std::filesystem::path& base, Reader& reader)
-      : draft_(draft), base_(base), reader_(reader) {}
+  Assembler(const SceneDraft& draft, const std::filesystem::path& base, Reader& reader, const World& world)
+      : draft_(draft), base_(base), reader_(reader), world_(world) {}
 
   Scene assemble(std::vector<std::size_t>& pair_origin) {
     scene_.title = draft_.title;
@@ -145,6 +148,19 @@ class Assembler {
       refuse("region", "goes with solid_fraction, count and lattice only: listed grains have their places");
   }
 
+  /// The rows of lists that this rank keeps: some of all, where nothing but lists is to be born. To fill space around
+  /// listed grains, the first rank must know them all; it then has them all to itself.
+  ListShare share() const {
+    const auto is_list = [](const ParticleDraft& group) {
+      return group.fill && (group.fill->file || group.fill->positions);
+    };
+    ListShare share;
+    share.rank = static_cast<std::uint64_t>(world_.rank());
+    if (std::all_of(draft_.particles.begin(), draft_.particles.end(), is_list))
+      share.n_ranks = static_cast<std::uint64_t>(world_.size());
+    return share;
+  }
+
   std::uint16_t material_number(const ParticleGroup& group) const {
     return static_cast<std::uint16_t>(std::max(0, scene_.material_index(group.material)));
   }
@@ -152,10 +168,14 @@ class Assembler {
 
   ListedGrains listed_in_scene(const std::vector<Vec3>& positions, const ParticleGroup& group) const {
     ListedGrains listed;
-    for (Vec3 position : positions) {
+    listed.share = share();
+    for (std::size_t row = 0; row < positions.size(); ++row) {
+      if (!listed.share.has(row)) continue;
+      Vec3 position = positions[row];
       if (std::isnan(position.z) && scene_.domain.dimensions == 2) position.z = middle();
       listed.grains.push_back({position, {}, group.angular_velocity, 0.0, material_number(group)});
     }
+    share_facts(world_, listed);
     return listed;
   }
 
@@ -166,8 +186,9 @@ class Assembler {
     context.velocity = group.velocity;
     context.angular_velocity = group.angular_velocity;
     if (scene_.domain.dimensions == 2) context.z = middle();
+    context.share = share();
     try {
-      return load_grains(base_ / file, context);
+      return load_grains(base_ / file, context, world_);
     } catch (const FileError& error) {
       complain_about_file(path, error);
       ListedGrains none;
@@ -226,12 +247,39 @@ class Assembler {
           path + ".scale",
           fmt::format("is {}; expected a number other than 0, such as 0.001 for millimetres", draft.scale));
     try {
-      shape.mesh = load_mesh(base_ / draft.file, draft.scale, draft.translate);
+      shape.mesh = load_mesh_for_all(draft);
     } catch (const FileError& error) {
       complain_about_file(path + ".file", error);
       reader_.doubt(path);
     }
     return shape;
+  }
+
+  /// The first rank reads, and all have the mesh or the error.
+  TriangleMesh load_mesh_for_all(const MeshDraft& draft) const {
+    TriangleMesh mesh;
+    std::string failure;
+    try {
+      if (world_.is_root()) mesh = load_mesh(base_ / draft.file, draft.scale, draft.translate);
+    } catch (const FileError& error) {
+      failure = error.what();
+    }
+    world_.broadcast(failure);
+    if (!failure.empty()) throw FileError(failure);
+    broadcast(mesh.vertices);
+    broadcast(mesh.triangles);
+    return mesh;
+  }
+
+  template <typename T>
+  void broadcast(std::vector<T>& values) const {
+    static_assert(std::is_trivially_copyable_v<T>);
+    if (world_.is_alone()) return;
+    std::vector<std::byte> bytes(values.size() * sizeof(T));
+    if (!bytes.empty()) std::memcpy(bytes.data(), values.data(), bytes.size());
+    world_.broadcast(bytes);
+    values.resize(bytes.size() / sizeof(T));
+    if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
   }
 
   void add_outlet(std::size_t i) {
@@ -285,9 +333,11 @@ class Assembler {
     for (const ParticleGroup& group : scene_.particles) {
       if (const int index = scene_.material_index(group.material); index >= 0)
         is_grain[static_cast<std::size_t>(index)] = true;
-      if (const auto* listed = std::get_if<ListedGrains>(&group.fill))
-        for (const GrainSeed& seed : listed->grains)
-          if (seed.material < is_grain.size()) is_grain[seed.material] = true;
+      if (const auto* listed = std::get_if<ListedGrains>(&group.fill)) {
+        const ListFacts facts = facts_of(*listed);
+        for (std::size_t m = 0; m < is_grain.size(); ++m)
+          if (facts.uses(m)) is_grain[m] = true;
+      }
     }
     for (std::size_t a = 0; a < is_grain.size(); ++a)
       for (std::size_t b = a; b < is_grain.size(); ++b) {
@@ -302,14 +352,15 @@ class Assembler {
   const SceneDraft& draft_;
   const std::filesystem::path& base_;
   Reader& reader_;
+  const World& world_;
   Scene scene_;
 };
 
 }  // namespace
 
 Scene assemble(const SceneDraft& draft, const std::filesystem::path& base_directory, Reader& reader,
-               std::vector<std::size_t>& pair_origin) {
-  return Assembler(draft, base_directory, reader).assemble(pair_origin);
+               std::vector<std::size_t>& pair_origin, const World& world) {
+  return Assembler(draft, base_directory, reader, world).assemble(pair_origin);
 }
 
 }  // namespace moraine::scene_toml

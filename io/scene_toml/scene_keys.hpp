@@ -97,9 +97,9 @@ struct SceneDraft {
 SceneDraft read_draft(Reader& reader);
 
 /// Fills in what depends on other keys, and loads the files. `pair_origin` gives for each pair of the scene the number
-/// of its [[contact.pair]] in the file.
+/// of its [[contact.pair]] in the file. The ranks of `world` share the lists of grains; all of them call it.
 Scene assemble(const SceneDraft& draft, const std::filesystem::path& base_directory, Reader& reader,
-               std::vector<std::size_t>& pair_origin);
+               std::vector<std::size_t>& pair_origin, const World& world);
 
 /// Every key of every section, in the order of the reference.
 const std::vector<KeyDoc>& all_keys();

@@ -62,6 +62,22 @@ std::string read_file(const std::filesystem::path& file) {
   return {std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
 }
 
+/// The first rank reads, and all have the text or the error.
+std::string read_file_for_all(const std::filesystem::path& file, const World& world) {
+  std::string text;
+  std::vector<SceneMessage> problems(1);
+  try {
+    if (world.is_root()) text = read_file(file);
+  } catch (SceneFileError& error) {
+    problems = std::move(error.problems);
+  }
+  world.broadcast(problems[0].message);
+  problems[0].origin = file.string();
+  if (!problems[0].message.empty()) throw SceneFileError(std::move(problems));
+  world.broadcast(text);
+  return text;
+}
+
 std::filesystem::path directory_of(const std::filesystem::path& file) {
   return std::filesystem::absolute(file).parent_path();
 }
@@ -114,8 +130,9 @@ bool is_consequence(const Reader& reader, const std::string& key) {
   return reader.is_doubtful(key);
 }
 
-void validate_into(Reader& reader, const Scene& scene, const std::vector<std::size_t>& pair_origin) {
-  std::vector<Problem> problems = validate(scene);
+void validate_into(Reader& reader, const Scene& scene, const std::vector<std::size_t>& pair_origin,
+                   const World& world) {
+  std::vector<Problem> problems = validate(scene, world);
   // Judged by what was read, not by what the first of these problems makes of the others.
   std::erase_if(problems,
                 [&](const Problem& problem) { return is_consequence(reader, renumbered(problem.key, pair_origin)); });
@@ -135,14 +152,14 @@ void sort_messages(std::vector<SceneMessage>& messages) {
 }
 
 Scene read(const std::string& text, const std::string& name, const std::vector<std::string>& overrides,
-           const std::filesystem::path& base, std::vector<SceneMessage>* warnings) {
+           const std::filesystem::path& base, std::vector<SceneMessage>* warnings, const World& world) {
   Node root = parse_document(text, name);
   Reader reader(root, name);
   apply_overrides(root, overrides, reader);
   const SceneDraft draft = read_draft(reader);
   std::vector<std::size_t> pair_origin;
-  Scene scene = assemble(draft, base, reader, pair_origin);
-  validate_into(reader, scene, pair_origin);
+  Scene scene = assemble(draft, base, reader, pair_origin, world);
+  validate_into(reader, scene, pair_origin, world);
 
   std::vector<SceneMessage> errors, doubts;
   for (SceneMessage& message : reader.messages()) (message.is_warning ? doubts : errors).push_back(std::move(message));
@@ -166,14 +183,15 @@ std::string as_run(const std::string& text, const std::string& name, const std::
 }  // namespace scene_toml
 
 Scene read_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides,
-                 std::vector<SceneMessage>* warnings) {
-  return scene_toml::read(scene_toml::read_file(file), file.string(), overrides, scene_toml::directory_of(file),
-                          warnings);
+                 std::vector<SceneMessage>* warnings, const World& world) {
+  return scene_toml::read(scene_toml::read_file_for_all(file, world), file.string(), overrides,
+                          scene_toml::directory_of(file), warnings, world);
 }
 
 Scene read_scene_text(const std::string& text, const std::string& name, const std::vector<std::string>& overrides,
-                      const std::filesystem::path& base_directory, std::vector<SceneMessage>* warnings) {
-  return scene_toml::read(text, name, overrides, base_directory, warnings);
+                      const std::filesystem::path& base_directory, std::vector<SceneMessage>* warnings,
+                      const World& world) {
+  return scene_toml::read(text, name, overrides, base_directory, warnings, world);
 }
 
 std::string scene_as_run(const std::filesystem::path& file, const std::vector<std::string>& overrides) {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "comm/world.hpp"
 #include "engine/scene/scene.hpp"
 
 namespace moraine {
@@ -31,12 +32,16 @@ struct SceneFileError : std::runtime_error {
 
 /// Reads a scene file, changed by `overrides` ("key=value", see README), loads the files it names (relative to its own
 /// directory), and validates it. Throws SceneFileError with all problems. Warnings are appended to `warnings`.
+/// All ranks of `world` call it, and find the same problems. Only the first opens the scene and its meshes; lists of
+/// grains they share, so that none holds a list whole where the scene has nothing but lists (else the first has them
+/// whole). A Simulation of such a scene must be made with the same `world`.
 Scene read_scene(const std::filesystem::path& file, const std::vector<std::string>& overrides = {},
-                 std::vector<SceneMessage>* warnings = nullptr);
+                 std::vector<SceneMessage>* warnings = nullptr, const World& world = {});
 
 /// The same for a text; `name` stands in messages, `base_directory` is where relative file names start.
 Scene read_scene_text(const std::string& text, const std::string& name, const std::vector<std::string>& overrides = {},
-                      const std::filesystem::path& base_directory = {}, std::vector<SceneMessage>* warnings = nullptr);
+                      const std::filesystem::path& base_directory = {}, std::vector<SceneMessage>* warnings = nullptr,
+                      const World& world = {});
 
 /// The text of a scene with its overrides applied and its file names made absolute, comments kept. It reads back to the
 /// same scene from anywhere. Stored in the run directory and in checkpoints. Throws SceneFileError where the text

@@ -1,0 +1,92 @@
+#include "engine/scene/lists.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace moraine {
+
+namespace {
+
+/// Of the grains that are here; the sum of diameters goes into `diameters`, which does not depend on their order.
+ListFacts facts_of_share(const ListedGrains& list, ExactSum& diameters) {
+  ListFacts facts;
+  facts.n_grains = list.grains.size();
+  for (const GrainSeed& grain : list.grains) {
+    if (grain.material >= facts.of_material.size()) facts.of_material.resize(std::size_t{grain.material} + 1);
+    ListFacts::OfMaterial& kind = facts.of_material[grain.material];
+    ++kind.n_grains;
+    facts.fastest = std::max(facts.fastest, length(grain.velocity));
+    if (!list.has_radius) continue;
+    const double diameter = 2.0 * grain.radius;
+    diameters.add(diameter);
+    if (!std::isfinite(diameter) || diameter <= 0.0) continue;
+    kind.smallest = std::min(kind.smallest, diameter);
+    kind.largest = std::max(kind.largest, diameter);
+  }
+  return facts;
+}
+
+template <typename Predicate>
+bool any_list(const Scene& scene, Predicate is_it) {
+  return std::any_of(scene.particles.begin(), scene.particles.end(), [&](const ParticleGroup& group) {
+    const auto* const list = std::get_if<ListedGrains>(&group.fill);
+    return list && is_it(*list);
+  });
+}
+
+}  // namespace
+
+double sum_over_ranks(const World& world, const ExactSum& sum) {
+  std::array<std::int64_t, ExactSum::n_words> words = sum.words();
+  world.sum(words);
+  return ExactSum::from_words(words).value();
+}
+
+ListFacts facts_of(const ListedGrains& list) {
+  if (list.whole) return *list.whole;
+  ExactSum diameters;
+  ListFacts facts = facts_of_share(list, diameters);
+  facts.sum_of_diameters = diameters.value();
+  return facts;
+}
+
+void share_facts(const World& world, ListedGrains& list) {
+  if (world.is_alone()) return;
+  ExactSum diameters;
+  ListFacts facts = facts_of_share(list, diameters);
+  facts.sum_of_diameters = sum_over_ranks(world, diameters);
+
+  const bool is_root = world.is_root();
+  std::array<std::uint64_t, 4> most = {facts.of_material.size(), is_root && list.has_radius,
+                                       is_root && list.has_velocity, is_root && list.has_material};
+  world.max(most);
+  facts.of_material.resize(most[0]);
+  list.has_radius = most[1] > 0;
+  list.has_velocity = most[2] > 0;
+  list.has_material = most[3] > 0;
+
+  std::vector<std::uint64_t> counts = {facts.n_grains};
+  std::vector<double> extremes = {facts.fastest};
+  for (const ListFacts::OfMaterial& kind : facts.of_material) {
+    counts.push_back(kind.n_grains);
+    extremes.insert(extremes.end(), {-kind.smallest, kind.largest});
+  }
+  world.sum(counts);
+  world.max(extremes);
+  facts.n_grains = counts[0];
+  facts.fastest = extremes[0];
+  for (std::size_t m = 0; m < facts.of_material.size(); ++m)
+    facts.of_material[m] = {counts[m + 1], -extremes[2 * m + 1], extremes[2 * m + 2]};
+  list.whole = std::move(facts);
+}
+
+bool is_scattered(const Scene& scene) {
+  return any_list(scene, [](const ListedGrains& list) { return list.share.n_ranks > 1; });
+}
+
+bool is_shared(const Scene& scene) {
+  return any_list(scene, [](const ListedGrains& list) { return list.whole.has_value(); });
+}
+
+}  // namespace moraine
