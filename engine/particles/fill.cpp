@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "comm/totals.hpp"
 #include "engine/particles/lattice.hpp"
 #include "engine/particles/pack.hpp"
 #include "engine/particles/pack_occupied.hpp"
@@ -254,10 +255,9 @@ void give_velocities(const Birth& birth, std::span<GrainSeed> grains, const List
     mass.add(m);
   }
   const World world = share.n_ranks > 1 ? birth.world : World();
-  const double total_mass = sum_over_ranks(world, mass);
+  const double total_mass = total(world, mass);
   if (!(total_mass > 0.0)) return;
-  const Vec3 total_momentum{sum_over_ranks(world, momentum.x), sum_over_ranks(world, momentum.y),
-                            sum_over_ranks(world, momentum.z)};
+  const Vec3 total_momentum{total(world, momentum.x), total(world, momentum.y), total(world, momentum.z)};
   const Vec3 mean = total_momentum / total_mass;
   for (GrainSeed& grain : grains) grain.velocity -= mean;
 }

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 
-#include "engine/run/totals.hpp"
+#include "comm/totals.hpp"
 #include "engine/scene/scene.hpp"
 
 namespace moraine {

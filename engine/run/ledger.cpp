@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "engine/run/totals.hpp"
+#include "comm/totals.hpp"
 
 namespace moraine {
 

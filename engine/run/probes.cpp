@@ -7,7 +7,7 @@
 #include <cmath>
 #include <span>
 
-#include "engine/run/totals.hpp"
+#include "comm/totals.hpp"
 #include "kernels/base/exact_sum.hpp"
 #include "kernels/base/sphere.hpp"
 

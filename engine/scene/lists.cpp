@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "comm/totals.hpp"
+
 namespace moraine {
 
 namespace {
@@ -37,12 +39,6 @@ bool any_list(const Scene& scene, Predicate is_it) {
 
 }  // namespace
 
-double sum_over_ranks(const World& world, const ExactSum& sum) {
-  std::array<std::int64_t, ExactSum::n_words> words = sum.words();
-  world.sum(words);
-  return ExactSum::from_words(words).value();
-}
-
 ListFacts facts_of(const ListedGrains& list) {
   if (list.whole) return *list.whole;
   ExactSum diameters;
@@ -55,7 +51,7 @@ void share_facts(const World& world, ListedGrains& list) {
   if (world.is_alone()) return;
   ExactSum diameters;
   ListFacts facts = facts_of_share(list, diameters);
-  facts.sum_of_diameters = sum_over_ranks(world, diameters);
+  facts.sum_of_diameters = total(world, diameters);
 
   const bool is_root = world.is_root();
   std::array<std::uint64_t, 4> most = {facts.of_material.size(), is_root && list.has_radius,

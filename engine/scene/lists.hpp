@@ -5,7 +5,6 @@
 
 #include "comm/world.hpp"
 #include "engine/scene/scene.hpp"
-#include "kernels/base/exact_sum.hpp"
 
 namespace moraine {
 
@@ -15,9 +14,6 @@ ListFacts facts_of(const ListedGrains& list);
 /// Tells all ranks what they hold together, after each has read its share. The columns are those that the root has
 /// found. All ranks call it; alone it changes nothing.
 void share_facts(const World& world, ListedGrains& list);
-
-/// The sum of what the ranks have summed, rounded once. All ranks call it.
-double sum_over_ranks(const World& world, const ExactSum& sum);
 
 /// True where every rank has rows of the lists, and so gives birth to grains; else the root has all of them.
 bool is_scattered(const Scene& scene);

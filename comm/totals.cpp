@@ -1,4 +1,4 @@
-#include "engine/run/totals.hpp"
+#include "comm/totals.hpp"
 
 #include <algorithm>
 #include <array>
