@@ -36,6 +36,7 @@ struct StepResult {
 struct GrainKind {
   bool is_uniform = true;             // one radius, one mass, one material
   double inverse_mass = 0.0;          // [1/kg] of all, where uniform
+  double mass_ratio = 1.0;            // largest over smallest
   double smallest_radius = infinity;  // [m]
   double largest_radius = 0.0;        // [m]
 };

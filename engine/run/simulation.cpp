@@ -68,6 +68,7 @@ GrainKind kind_of(const World& world, const Particles& particles) {
   kind.largest_radius = most[0];
   kind.smallest_radius = -most[3];
   kind.inverse_mass = most[1];
+  kind.mass_ratio = most[1] / -most[4];
   kind.is_uniform = most[0] == -most[3] && most[1] == -most[4] && most[2] == -most[5];
   return kind;
 }
@@ -149,6 +150,7 @@ struct Simulation::Parts {
   double widest_skin() const;
   StepPlan decide();
   bool look();
+  double speed_gain() const;
   void check_travel();
   double largest_travel() const;
   void rebuild();
@@ -287,9 +289,15 @@ StepPlan Simulation::Parts::decide() {
   return todo;
 }
 
+/// How much faster than the fastest grain one may become in a collision: two of the same mass, both at that speed, can give all their energy
+/// to one (sqrt 2); a light grain that runs head-on into a heavy one comes back up to three times as fast.
+double Simulation::Parts::speed_gain() const {
+  return std::max(1.5, (3.0 * kind.mass_ratio - 1.0) / (kind.mass_ratio + 1.0));
+}
+
 /// All ranks look how far their grains have come since the rebuild, and agree: to rebuild now (true), or when to look again. Between looks
-/// they need not talk: nine tenths of what is left are used up if the fastest grain becomes faster by 15 % and falls freely
-/// besides, and it is the one that has come furthest. Nobody looks more than twice as far ahead as it has seen since the start, or since
+/// they need not talk: even if the grain that has come furthest becomes as fast as a collision can make it, and falls freely besides,
+/// it stays within what the list allows. Nobody looks more than twice as far ahead as it has seen since the start, or since
 /// a wall has come or gone. Where a look would gain little, the rebuild comes at once.
 bool Simulation::Parts::look() {
   ++n_looks;
@@ -297,10 +305,10 @@ bool Simulation::Parts::look() {
   std::array<double, 3> most = {travelled, result.max_speed, is_stop_wanted ? 1.0 : 0.0};
   world.max(most);
   is_stop_agreed = most[2] > 0.0;
-  const double a_step = (1.15 * most[1] + length(scene.time.gravity) * dt) * dt;
+  const double a_step = (speed_gain() * most[1] + length(scene.time.gravity) * dt) * dt;
   constexpr double furthest = 64.0;
   const double n = std::min({furthest, 2.0 * static_cast<double>(step - last_surprise) + 1.0,
-                             a_step > 0.0 ? std::floor(0.9 * (allowed_travel() - most[0]) / a_step) : furthest});
+                             a_step > 0.0 ? std::floor(0.95 * (allowed_travel() - most[0]) / a_step) : furthest});
   if (n < std::max(1.0, 0.125 * static_cast<double>(steps_since_rebuild))) return true;
   next_look = step + static_cast<std::uint64_t>(n);
   return false;

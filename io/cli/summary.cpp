@@ -79,13 +79,15 @@ std::string summary(const Simulation& simulation, const RunTimes& times, const s
     text += fmt::format("speed: {:.2f} M particle-steps/s\n", 1e-6 * times.particle_steps / times.stepping);
   text += fmt::format("grains: {} born, {} inside, {} left\n", simulation.n_born(), simulation.n_grains(),
                       simulation.n_left());
+  const std::string hash =
+      simulation.state_hash().text();  // first: it wants the pair list, which a checkpoint sets aside
   const double bytes = sum_over_ranks(simulation.world(), peak_memory());
   const double held = sum_over_ranks(simulation.world(), simulation.memory());
   const auto n_grains = static_cast<double>(std::max<std::uint64_t>(simulation.n_born(), 1));
   text += fmt::format("memory: {} in grains, pairs and contacts; peak memory: {} ({:.0f} bytes a grain)\n",
                       bytes_text(held), bytes_text(bytes), bytes / n_grains);
   text += fmt::format("results: {}\n", directory);
-  return text + fmt::format("state hash: {}", simulation.state_hash().text());
+  return text + "state hash: " + hash;
 }
 
 }  // namespace moraine

@@ -106,6 +106,33 @@ TEST_CASE("space is divided anew where the grains leave it, and no bit changes")
   CHECK((all.size() == 1 || simulation.n_cuts() > 1));
 }
 
+TEST_CASE("a heavy ball that throws up light grains does so on all ranks alike") {
+  Scene scene = scenes::basic();
+  scene.domain.low = {-0.1, -0.1, -0.01};
+  scene.domain.high = {0.1, 0.1, 0.4};
+  scene.time.gravity = {0.0, 0.0, -9.81};
+  scene.time.step = 2e-6;
+  for (PairLaw& law : scene.contact.pairs) law.normal_stiffness = 2e6, law.restitution = 0.95;
+  scene.particles = {scenes::lattice({{-0.1, -0.1, 0.0}, {0.1, 0.1, 0.04}}, 1.1 * scenes::d)};
+  ListedGrains ball;
+  ball.has_velocity = ball.has_radius = true;
+  GrainSeed seed;
+  seed.position = {0.003, -0.002, 0.075};
+  seed.radius = 0.03;
+  seed.velocity = {0.5, 0.0, -4.0};
+  ball.grains = {seed};
+  ParticleGroup group;
+  group.material = "steel";
+  group.diameter.value = 0.06;
+  group.fill = ball;
+  scene.particles.push_back(group);
+  scenes::add_wall(scene, "box", BoxShape{{{-0.1, -0.1, 0.0}, {0.1, 0.1, 0.4}}}, "steel");
+  const int n_steps = 4000;
+  const std::vector<trace::Moment> alone = trace::record(scene, 1, n_steps, every);
+  Simulation simulation(scene, 1, ranks::world());
+  CHECK(trace::difference(alone, trace::record(simulation, n_steps, every)) == "");
+}
+
 TEST_CASE("what a projection counts for a number of ranks is what a run on them has") {
   const World& all = ranks::world();
   for (auto& [name, scene, n_steps] : scenes::all()) {
