@@ -1,5 +1,6 @@
 // The same bits on any number of ranks: every scene gives on R ranks of T threads what it gives alone.
 #include <catch2/catch.hpp>
+#include <cstdio>
 
 #include "engine/particles/fill.hpp"
 #include "engine/run/projection.hpp"
@@ -37,7 +38,12 @@ void compare_layouts(int lengthened) {
       if (!world) continue;
       INFO(name_of(name, layout));
       Simulation simulation(scene, layout.threads, *world);
-      CHECK(trace::difference(alone, trace::record(simulation, n_steps, every)) == "");
+      try {
+        CHECK(trace::difference(alone, trace::record(simulation, n_steps, every)) == "");
+      } catch (const RunError& error) {  // the others wait for this rank: say it now
+        std::fprintf(stderr, "%s, rank %d: %s\n", name_of(name, layout).c_str(), world->rank(), error.what());
+        all.abort(1);
+      }
       n_migrated += simulation.n_migrated();
       n_moved_cuts += simulation.n_cuts() - (layout.ranks > 1 ? 1 : 0);
     }
