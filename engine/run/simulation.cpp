@@ -305,11 +305,15 @@ bool Simulation::Parts::look() {
   std::array<double, 3> most = {travelled, result.max_speed, is_stop_wanted ? 1.0 : 0.0};
   world.max(most);
   is_stop_agreed = most[2] > 0.0;
-  const double a_step = (speed_gain() * most[1] + length(scene.time.gravity) * dt) * dt;
+  const double left = 0.95 * (allowed_travel() - most[0]);
+  if (!(left > 0.0)) return true;
+  // How many steps until that is used up: v n + g n (n + 1) / 2 = left, v and g in metres a step.
+  const double g = length(scene.time.gravity) * dt * dt, v = speed_gain() * most[1] * dt + 0.5 * g;
+  const double reach =
+      std::floor(2.0 * left / (v + std::sqrt(v * v + 2.0 * g * left)));  // infinite where nothing moves
+  if (reach < std::max(1.0, 0.125 * static_cast<double>(steps_since_rebuild))) return true;
   constexpr double furthest = 64.0;
-  const double n = std::min({furthest, 2.0 * static_cast<double>(step - last_surprise) + 1.0,
-                             a_step > 0.0 ? std::floor(0.95 * (allowed_travel() - most[0]) / a_step) : furthest});
-  if (n < std::max(1.0, 0.125 * static_cast<double>(steps_since_rebuild))) return true;
+  const double n = std::min({furthest, 2.0 * static_cast<double>(step - last_surprise) + 1.0, reach});
   next_look = step + static_cast<std::uint64_t>(n);
   return false;
 }
