@@ -22,6 +22,7 @@ enum class Field : std::uint8_t {
   dissipated,
   force,
   torque,
+  gas_acceleration,
   count_
 };
 inline constexpr std::size_t n_fields = static_cast<std::size_t>(Field::count_);
@@ -37,7 +38,7 @@ enum class Travel : std::uint8_t {
 };
 
 /// Why a field is there; a scene that does not need it neither allocates, sends nor writes it.
-enum class Need : std::uint8_t { always, rotation, energy, requested };
+enum class Need : std::uint8_t { always, rotation, energy, gas, requested };
 
 struct FieldInfo {
   Field field;
@@ -69,6 +70,8 @@ inline constexpr std::array<FieldInfo, n_fields> field_table = {{
     {Field::dissipated, "dissipated", FieldType::real, 4, "J", Travel::with_owner, Need::energy, -1},
     {Field::force, "force", FieldType::real, 3, "N", Travel::never, Need::requested, -1},
     {Field::torque, "torque", FieldType::real, 3, "N m", Travel::never, Need::requested, -1},
+    // drag, pressure gradient and buoyancy over the mass, as the last gas step left them
+    {Field::gas_acceleration, "gas_acceleration", FieldType::real, 3, "m/s2", Travel::with_owner, Need::gas, -1},
 }};
 
 constexpr const FieldInfo& info(Field field) { return field_table[static_cast<std::size_t>(field)]; }

@@ -18,6 +18,7 @@ bool Particles::has(Field field) const {
     case Need::always: return true;
     case Need::rotation: return needs_.rotation;
     case Need::energy: return needs_.energy;
+    case Need::gas: return needs_.gas;
     case Need::requested: return field == Field::force ? needs_.force : needs_.torque;
   }
   return false;
@@ -33,9 +34,11 @@ void Particles::resize(std::int32_t n) {
   if (needs_.energy) dissipated_.resize_discarding(4 * count);
   if (needs_.force) force_.resize_discarding(3 * count);
   if (needs_.torque) torque_.resize_discarding(3 * count);
+  if (needs_.gas) gas_acceleration_.resize_discarding(3 * count);
   std::fill(dissipated_.begin(), dissipated_.end(), 0.0);
   std::fill(force_.begin(), force_.end(), 0.0);
   std::fill(torque_.begin(), torque_.end(), 0.0);
+  std::fill(gas_acceleration_.begin(), gas_acceleration_.end(), 0.0);
   set_dummy();
 }
 
@@ -53,7 +56,12 @@ Vec3 Particles::vector(Field field, std::int64_t i) const {
 }
 
 const AlignedArray<double>& Particles::own_array(Field field) const {
-  return field == Field::dissipated ? dissipated_ : field == Field::force ? force_ : torque_;
+  switch (field) {
+    case Field::dissipated: return dissipated_;
+    case Field::force: return force_;
+    case Field::torque: return torque_;
+    default: return gas_acceleration_;
+  }
 }
 
 double Particles::real(Field field, std::int64_t i, int c) const {
@@ -97,6 +105,7 @@ void Particles::reorder(std::span<const std::int32_t> order, int n_threads, std:
   gather_own(dissipated_, needs_.energy, 4);
   gather_own(force_, needs_.force, 3);
   gather_own(torque_, needs_.torque, 3);
+  gather_own(gas_acceleration_, needs_.gas, 3);
   size_ = static_cast<std::int32_t>(n);
   n_ghosts_ = 0;
   set_dummy();
@@ -114,7 +123,7 @@ void Particles::set_ghosts(std::int32_t n) {
 
 std::size_t Particles::memory() const {
   return records_.capacity_bytes() + gid_.capacity_bytes() + material_.capacity_bytes() + dissipated_.capacity_bytes() +
-         force_.capacity_bytes() + torque_.capacity_bytes();
+         force_.capacity_bytes() + torque_.capacity_bytes() + gas_acceleration_.capacity_bytes();
 }
 
 void put_grains(const Scene& scene, const std::vector<GrainSeed>& seeds, Particles& particles) {

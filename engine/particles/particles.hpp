@@ -19,6 +19,7 @@ struct FieldNeeds {
   bool energy = false;
   bool force = false;  // contact force of each grain, for output
   bool torque = false;
+  bool gas = false;  // grains feel a gas
 };
 
 class Particles {
@@ -60,6 +61,7 @@ class Particles {
   const double* dissipated() const { return needs_.energy ? dissipated_.data() : nullptr; }
   double* force() { return needs_.force ? force_.data() : nullptr; }
   double* torque() { return needs_.torque ? torque_.data() : nullptr; }
+  double* gas_acceleration() { return needs_.gas ? gas_acceleration_.data() : nullptr; }
   /// False for a grain that has left the scene and waits to be removed.
   bool is_here(std::int64_t i) const { return record(i)[0] == record(i)[0]; }
 
@@ -91,7 +93,7 @@ class Particles {
   AlignedArray<double> records_;
   AlignedArray<std::uint64_t> gid_;
   AlignedArray<std::uint16_t> material_;
-  AlignedArray<double> dissipated_, force_, torque_;
+  AlignedArray<double> dissipated_, force_, torque_, gas_acceleration_;
 };
 
 /// Puts grains at birth into storage, in the order of their gids, which count from 0. Throws SceneError where they are too many.

@@ -52,6 +52,15 @@ struct WallHistory {
   bool operator==(const WallHistory&) const = default;
 };
 
+/// One quantity of the gas on all its cells, or on faces (one more than cells where not periodic); x runs fastest. With several ranks each
+/// holds consecutive values, in order of rank.
+struct GridArray {
+  std::string name;
+  std::string unit;
+  std::array<int, 3> n{};      // values along x, y, z
+  std::vector<double> values;  // of this rank
+};
+
 struct Image {
   std::uint64_t step = 0;
   double time = 0.0;       // [s]
@@ -62,6 +71,7 @@ struct Image {
   std::vector<FieldArray> fields;
   std::vector<PairHistory> pairs;  // in order of (gid_low, gid_high, image); empty in snapshots
   std::vector<WallHistory> walls;  // in order of (gid, surface, normal); empty in snapshots
+  std::vector<GridArray> grids;    // of the gas; empty without
   // named state of observers and counters; doubles carry it exactly; the same on all ranks
   std::map<std::string, std::vector<double>> accumulators;
   Hash128 hash;

@@ -35,6 +35,7 @@ FieldNeeds needs_of(const Scene& scene) {
   FieldNeeds needs;
   needs.rotation = scene.contact.rotation;
   needs.energy = scene.output.energy;
+  needs.gas = scene.gas && scene.gas->drag;
   const auto wants = [&](const char* name) {
     return std::find(scene.output.fields.begin(), scene.output.fields.end(), name) != scene.output.fields.end();
   };

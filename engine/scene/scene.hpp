@@ -16,6 +16,7 @@
 #include "kernels/base/box.hpp"
 #include "kernels/base/vec3.hpp"
 #include "kernels/contact/law_kinds.hpp"
+#include "kernels/drag/kinds.hpp"
 
 namespace moraine {
 
@@ -215,6 +216,41 @@ struct Outlet {
   std::variant<int, Box> where;  // face: 0 x-low, 1 x-high, 2 y-low, 3 y-high, 4 z-low, 5 z-high
 };
 
+/// What the gas meets on a face of the domain, or on a part of one. Faces count as in Outlet. Where nothing is given the gas meets a
+/// wall that it sticks to; later entries go before earlier ones where they overlap.
+struct GasBoundary {
+  enum class Kind { velocity, pressure, no_slip, free_slip };
+  enum class Profile { uniform, parabolic };  // parabolic: zero at the edges of the part, its mean is the velocity
+  Kind kind = Kind::no_slip;
+  int face = 0;
+  std::optional<Box> part;  // [m] the cells whose face centres lie in it; none: the whole face
+  /// [m/s] kind velocity: volume of gas per time and area (superficial), positive along the axes. no_slip: of the wall, along itself.
+  Vec3 velocity;
+  Profile profile = Profile::uniform;
+  std::vector<std::array<double, 2>>
+      ramp;               // [s], [-]: factor of the velocity over time, linear between, constant beyond
+  double pressure = 0.0;  // [Pa] kind pressure, above hydrostatic
+};
+
+/// Volume-averaged gas between the grains.
+struct Gas {
+  std::array<int, 3> cells{};  // z: 1 in two dimensions
+  double density = 0.0;        // [kg/m3]
+  double viscosity = 0.0;      // [Pa s]
+  std::optional<double>
+      step;  // [s] at most; none: chosen. A whole number of grain steps; divided further where the gas is fast
+  std::optional<DragLaw> drag;  // none: grains do not feel the gas, nor the gas the grains
+  GasModel model = GasModel::a;
+  GasWeights weights = GasWeights::trilinear;
+  double smoothing = 0.0;            // [m] standard deviation of the spread, for weights = smoothed
+  double least_void_fraction = 0.3;  // [-] cells are not taken as denser than that; how often is counted
+  bool moves_gas = true;             // false: grains feel the gas, but not the gas the grains (one-way)
+  Vec3 velocity;                     // [m/s] at the start, between the grains
+  Vec3 pressure_gradient;            // [Pa/m] mean, in periodic directions
+  double tolerance = 1e-6;           // [-] largest mass imbalance of a cell in a gas step, of the gas it holds
+  std::vector<GasBoundary> boundaries;
+};
+
 /// Time series written to NAME.csv in the run directory.
 struct Probe {
   enum class Kind {
@@ -264,6 +300,7 @@ struct Scene {
   std::vector<ParticleGroup> particles;
   std::vector<WallDefinition> walls;
   std::vector<Outlet> outlets;
+  std::optional<Gas> gas;
   Output output;
   RunControl run;
 

@@ -49,6 +49,7 @@ struct GrainSums {
   Box inside;  // grains that leave it are reported
   Kick kick;
   double* dissipated = nullptr;  // four doubles a grain, or nullptr
+  const double* push = nullptr;  // further acceleration of each grain, three doubles, or nullptr [m/s2]
   double* force = nullptr;       // contact force of each grain, three doubles, or nullptr [N]
   double* torque = nullptr;      // [N m]
 };

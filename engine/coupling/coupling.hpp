@@ -1,0 +1,48 @@
+// What grains and gas do to each other, once a gas step.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "comm/world.hpp"
+#include "engine/gas/gas_flow.hpp"
+#include "engine/particles/particles.hpp"
+#include "engine/scene/scene.hpp"
+
+namespace moraine {
+
+struct CouplingReport {
+  GasReport gas;
+  std::uint64_t n_floored = 0;       // cells that were taken as less dense than they are
+  double least_void_fraction = 1.0;  // [-] before the floor
+  double momentum_error = 0.0;       // |what the gas lost - what the grains got| over the sum of what each grain got
+  double fastest_exchange =
+      0.0;  // [-] largest of gas step times drag rate of a grain: above 1 the gas step is too long for it
+};
+
+class Coupling {
+ public:
+  /// `world`: all ranks, which have grains; the first of them also have gas cells. All ranks of it make the same calls.
+  Coupling(const Scene& scene, const GasGrid& grid, const World& world, int n_threads);
+  ~Coupling();
+  Coupling(Coupling&&) noexcept;
+  Coupling& operator=(Coupling&&) noexcept;
+
+  /// Advances the gas from `time` by `step` [s] to the grains as they are now, and sets what each owned grain feels until the next
+  /// call: Field::gas_acceleration, drag, pressure gradient and buoyancy over its mass [m/s2].
+  CouplingReport advance(Particles& particles, double time, double step);
+
+  /// The gas of this rank; nullptr where it has no cells.
+  GasFlow* flow();
+  const GasGrid& grid() const;
+  const GridShare& share() const;
+  /// [s] waited for messages of the gas, and spent on grains (deposit, drag) and on the gas.
+  double waited() const;
+  std::size_t memory() const;  // [bytes]
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace moraine
