@@ -5,6 +5,7 @@
 
 #include "comm/grid_share.hpp"
 #include "comm/world.hpp"
+#include "engine/scene/scene.hpp"
 #include "kernels/base/box.hpp"
 #include "kernels/base/grid.hpp"
 
@@ -22,6 +23,17 @@ struct GasGrid {
 
   double cell_volume() const { return spacing.x * spacing.y * spacing.z; }
 };
+
+inline GasGrid gas_grid(const Domain& domain, const Gas& gas) {
+  GasGrid grid;
+  grid.n = gas.cells;
+  grid.low = domain.low;
+  const Vec3 size = domain.high - domain.low;
+  grid.spacing = {size.x / gas.cells[0], size.y / gas.cells[1], size.z / gas.cells[2]};
+  grid.periodic = domain.periodic;
+  grid.is_flat = domain.dimensions == 2;
+  return grid;
+}
 
 /// Who solves the gas, and on how many threads. Only ranks with a block make calls to what is built on it.
 struct GasRanks {

@@ -66,7 +66,7 @@ inline constexpr std::array<FieldInfo, n_fields> field_table = {{
      11},
     {Field::gid, "gid", FieldType::gid, 1, "", Travel::with_ghost, Need::always, -1},
     {Field::material, "material", FieldType::index, 1, "", Travel::with_ghost, Need::always, -1},
-    // lost so far to normal dashpots, tangential dashpots, friction, body drag; counted at the grain of lower gid
+    // lost so far to normal dashpots, tangential dashpots, friction, bulk viscosity and gas (less than nothing where it gives); counted at the grain of lower gid
     {Field::dissipated, "dissipated", FieldType::real, 4, "J", Travel::with_owner, Need::energy, -1},
     {Field::force, "force", FieldType::real, 3, "N", Travel::never, Need::requested, -1},
     {Field::torque, "torque", FieldType::real, 3, "N m", Travel::never, Need::requested, -1},

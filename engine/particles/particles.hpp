@@ -61,6 +61,10 @@ class Particles {
   const double* dissipated() const { return needs_.energy ? dissipated_.data() : nullptr; }
   double* force() { return needs_.force ? force_.data() : nullptr; }
   double* torque() { return needs_.torque ? torque_.data() : nullptr; }
+  Vec3 gas_acceleration(std::int64_t i) const {
+    const double* const a = gas_acceleration_.data() + 3 * i;
+    return {a[0], a[1], a[2]};
+  }
   double* gas_acceleration() { return needs_.gas ? gas_acceleration_.data() : nullptr; }
   /// False for a grain that has left the scene and waits to be removed.
   bool is_here(std::int64_t i) const { return record(i)[0] == record(i)[0]; }

@@ -26,6 +26,10 @@ EnergyLedger take_ledger(const World& world, const Particles& particles, const C
     lost_friction.add(lost[2]);
     lost_drag.add(lost[3]);
     lost_drag.add(0.5 * dt * damping * mass * squared_length(now.linear[k]));
+    if (particles.has(Field::gas_acceleration)) {
+      const Vec3 push = particles.gas_acceleration(i);
+      lost_drag.add(-0.25 * dt * mass * dot(push, particles.velocity(i) + now.linear[k]));
+    }
   }
   contacts.for_each_contact(particles, dt, [&](const ContactReport& c) {
     if (!c.is_ours) return;

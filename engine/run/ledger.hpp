@@ -22,7 +22,7 @@ struct EnergyLedger {
   double lost_normal = 0.0;      // to normal dashpots
   double lost_tangential = 0.0;  // to tangential dashpots
   double lost_friction = 0.0;
-  double lost_drag = 0.0;  // to bulk viscosity
+  double lost_drag = 0.0;  // to bulk viscosity and the gas; less than nothing where it drives the grains
   double left = 0.0;       // carried out through outlets
   double initial = 0.0;    // total at the start of the run
   double total() const { return kinetic + rotational + elastic_normal + elastic_tangential + potential; }

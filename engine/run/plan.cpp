@@ -118,7 +118,7 @@ void describe(const Scene& scene, Plan& plan) {
       fmt::format("{} outlet{}", scene.outlets.size(), scene.outlets.size() == 1 ? "" : "s"), "outlets", plan.left_out);
   say(plan.chosen, scene.domain.dimensions == 3, "three dimensions", "the third dimension (z is frozen)",
       plan.left_out);
-  plan.left_out.push_back("gas");
+  say(plan.chosen, scene.gas.has_value(), "gas", "gas", plan.left_out);
 }
 
 }  // namespace
@@ -176,8 +176,8 @@ StepChoice choose_time_step(const Scene& scene) {
     }
   }
   if (choice.contact_time == infinity) {  // no grains: anything will do
-    choice.contact_time = scene.time.end;
-    choice.limit = "nothing (there are no grains)";
+    choice.contact_time = scene.gas ? choose_gas_step(scene) * scene.time.steps_per_contact : scene.time.end;
+    choice.limit = scene.gas ? "the gas (there are no grains)" : "nothing (there are no grains)";
   }
   if (scene.contact.normal == NormalLaw::hertz) choice.limit += fmt::format(" at {:.3g} m/s", speed);
   choice.automatic = choice.contact_time / scene.time.steps_per_contact;
@@ -186,9 +186,34 @@ StepChoice choose_time_step(const Scene& scene) {
   return choice;
 }
 
+double choose_gas_step(const Scene& scene) {
+  const Gas& gas = *scene.gas;
+  if (gas.step) return *gas.step;
+  const Vec3 size = scene.domain.box().size();
+  const auto crossing = [&](Vec3 velocity) {  // between grains gas is about two and a half times as fast as above them
+    double rate = 0.0;
+    for (int axis = 0; axis < 3; ++axis)
+      rate += 2.5 * std::abs(velocity[axis]) * gas.cells[static_cast<std::size_t>(axis)] / size[axis];
+    return rate > 0.0 ? 1.0 / rate : infinity;
+  };
+  double step = crossing(gas.velocity);
+  for (const GasBoundary& boundary : gas.boundaries) step = std::min(step, crossing(boundary.velocity));
+  for (const Material& material : scene.materials) {
+    const Sizes sizes = sizes_of(scene, material.name);
+    // Stokes' drag, ten times as strong as on a grain alone, as in a bed
+    if (gas.drag && sizes.largest > 0.0 && gas.viscosity > 0.0)
+      step = std::min(step, 0.1 * material.density * sizes.smallest * sizes.smallest / (180.0 * gas.viscosity));
+  }
+  if (step < infinity) return step;
+  return 1e-3 * std::max(scene.time.end, 0.0);
+}
+
 Plan make_plan(const Scene& scene, int n_threads) {
   Plan plan;
   plan.time_step = choose_time_step(scene);
+  if (scene.gas)
+    plan.gas_steps = static_cast<std::uint64_t>(
+        std::max(1.0, std::floor(choose_gas_step(scene) / plan.time_step.step * (1.0 + 1e-9))));
   plan.n_steps = static_cast<std::uint64_t>(std::ceil(scene.time.end / plan.time_step.step - 1e-9));
   plan.n_grains = static_cast<std::uint64_t>(count_grains(scene));
   plan.skin = scene.run.skin > 0.0 ? scene.run.skin : 0.1 * mean_diameter(scene);

@@ -21,6 +21,7 @@ struct StepChoice {
 /// What a scene will be run with; shown by `moraine check`.
 struct Plan {
   StepChoice time_step;
+  std::uint64_t gas_steps = 0;  // grain steps in a gas step; 0: no gas
   std::uint64_t n_steps = 0;
   std::uint64_t n_grains = 0;
   double skin = 0.0;                // [m]
@@ -35,6 +36,8 @@ struct Plan {
 Plan make_plan(const Scene& scene, int n_threads);
 /// The time step of a scene and what limits it.
 StepChoice choose_time_step(const Scene& scene);
+/// The gas step: as the scene says, or so that the fastest boundary crosses a cell, and no grain has relaxed by a tenth [s].
+double choose_gas_step(const Scene& scene);
 /// The fastest approach to expect [m/s]: as the scene says, or from its initial velocities and the height of its domain.
 double expected_speed(const Scene& scene);
 

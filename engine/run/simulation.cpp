@@ -15,6 +15,7 @@
 #include "engine/particles/particles.hpp"
 #include "engine/run/census.hpp"
 #include "engine/run/decomposition.hpp"
+#include "engine/run/gas_phase.hpp"
 #include "engine/run/guard.hpp"
 #include "engine/run/image_rows.hpp"
 #include "engine/run/probes.hpp"
@@ -101,6 +102,7 @@ struct Simulation::Parts {
   Walls walls;
   Particles particles;
   std::optional<Contacts> contacts;
+  std::optional<GasPhase> gas;
   GrainKind kind;
   Stopwatch stopwatch;
 
@@ -149,11 +151,13 @@ struct Simulation::Parts {
   void make_contacts();
   void choose_skin();
   double widest_skin() const;
+  void advance_gas();
   StepPlan decide();
   bool look();
   double speed_gain() const;
   void check_travel();
   double largest_travel() const;
+  double largest_push() const;
   void rebuild();
   void balance();
   double worked() const;
@@ -273,6 +277,23 @@ double Simulation::Parts::largest_travel() const {
   return std::sqrt(*std::max_element(squares.begin(), squares.end()));
 }
 
+/// The largest acceleration that the gas gives a grain [m/s2].
+double Simulation::Parts::largest_push() const {
+  double largest = 0.0;
+  if (particles.has(Field::gas_acceleration))
+    for (std::int32_t i = 0; i < particles.size(); ++i)
+      largest = std::max(largest, squared_length(particles.gas_acceleration(i)));
+  return std::sqrt(largest);
+}
+
+/// The gas steps to the grains as they are, and sets what they feel until it steps again.
+void Simulation::Parts::advance_gas() {
+  if (!gas || !gas->is_due(step)) return;
+  stopwatch.start(Phase::gas);
+  gas->advance(particles, time());
+  next_look = step;  // what was foreseen without knowing how the gas would push
+}
+
 StepPlan Simulation::Parts::decide() {
   StepPlan todo;
   todo.rebuild = is_list_old || time() >= next_wall_change;
@@ -303,17 +324,17 @@ double Simulation::Parts::speed_gain() const {
 bool Simulation::Parts::look() {
   ++n_looks;
   travelled = largest_travel();
-  std::array<double, 3> most = {travelled, result.max_speed, is_stop_wanted ? 1.0 : 0.0};
+  std::array<double, 4> most = {travelled, result.max_speed, is_stop_wanted ? 1.0 : 0.0, largest_push()};
   world.max(most);
   is_stop_agreed = most[2] > 0.0;
   const double left = 0.95 * (allowed_travel() - most[0]);
   if (!(left > 0.0)) return true;
   // How many steps until that is used up: v n + g n (n + 1) / 2 = left, v and g in metres a step.
-  const double g = length(scene.time.gravity) * dt * dt, v = speed_gain() * most[1] * dt + 0.5 * g;
+  const double g = (length(scene.time.gravity) + most[3]) * dt * dt, v = speed_gain() * most[1] * dt + 0.5 * g;
   const double reach =
       std::floor(2.0 * left / (v + std::sqrt(v * v + 2.0 * g * left)));  // infinite where nothing moves
   if (reach < std::max(1.0, 0.125 * static_cast<double>(steps_since_rebuild))) return true;
-  constexpr double furthest = 64.0;
+  const double furthest = gas ? std::min<double>(64.0, static_cast<double>(gas->until_next(step))) : 64.0;
   const double n = std::min({furthest, 2.0 * static_cast<double>(step - last_surprise) + 1.0, reach});
   next_look = step + static_cast<std::uint64_t>(n);
   return false;
@@ -582,6 +603,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const World& world) {
   parts_ = std::make_unique<Parts>(scene, n_threads, world);
   Parts& p = *parts_;
   p.bear_grains();
+  if (scene.gas) p.gas.emplace(scene, p.plan, world, n_threads);
   p.make_contacts();
   forget_lists(p.scene);
   p.rebuild();
@@ -615,6 +637,10 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
   PairCarry pairs;
   WallCarry wall_memory;
   put_rows(world, image, p.particles, pairs, wall_memory);
+  if (scene.gas) {
+    p.gas.emplace(scene, p.plan, world, n_threads);
+    p.gas->restore(image);
+  }
   p.make_contacts();
   forget_lists(p.scene);
   p.contacts->restore(p.particles, std::move(pairs), std::move(wall_memory), p.skin, p.time(), n_threads);
@@ -628,12 +654,18 @@ Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 
 void Simulation::step() {
   Parts& p = *parts_;
+  p.advance_gas();
   const StepPlan todo = p.decide();
   if (todo.rebuild) p.rebuild();
   p.advance();
   p.guard();
   p.cross_faces();
   p.tick();
+}
+
+std::optional<GasTotals> Simulation::gas_totals() const {
+  if (!parts_->gas) return std::nullopt;
+  return parts_->gas->totals();
 }
 
 const World& Simulation::world() const { return parts_->world; }
@@ -677,7 +709,8 @@ Hash128 Simulation::state_hash() const {
   // A wall that vanishes in this very step takes what its contacts remember along.
   if (parts_->contacts->are_set_aside() || parts_->time() >= parts_->next_wall_change) parts_->rebuild();
   parts_->contacts->refresh(parts_->particles);  // so that ghosts' contacts know who has left or crossed a face
-  return moraine::state_hash(parts_->world, parts_->particles, *parts_->contacts, parts_->step);
+  return moraine::state_hash(parts_->world, parts_->particles, *parts_->contacts, parts_->step,
+                             parts_->gas ? &*parts_->gas : nullptr);
 }
 
 Image Simulation::snapshot(const std::vector<std::string>& fields) const {
@@ -694,6 +727,7 @@ Image Simulation::snapshot(const std::vector<std::string>& fields) const {
   gather_fields(p.particles, wanted, image);
   p.count();
   share_out_rows(p.world, p.n_born, image);
+  if (p.gas) p.gas->gather_shown(image);
   image.hash = state_hash();
   return image;
 }
@@ -709,6 +743,7 @@ Image Simulation::checkpoint() const {
   gather_fields(p.particles, wanted, image);
   p.count();
   share_out_rows(p.world, p.n_born, image);
+  if (p.gas) p.gas->gather_kept(image);
   p.full_census().keep(image.accumulators);
   image.accumulators["energy_initial"] = {p.energy_initial};
   for (std::size_t k = 0; k < p.probe_memory.size(); ++k)

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
@@ -16,6 +17,17 @@
 #include "engine/scene/scene.hpp"
 
 namespace moraine {
+
+/// What the gas has done since the start of this process.
+struct GasTotals {
+  std::uint64_t n_steps = 0;
+  std::uint64_t n_parts = 0;       // into which its steps were divided
+  std::uint64_t n_iterations = 0;  // of the pressure equation
+  double imbalance = 0.0;          // [-] largest mass imbalance of a cell, of the gas it holds
+  std::uint64_t n_floored = 0;     // cells taken as less dense than they were, summed over steps
+  double least_void_fraction = 1.0;
+  double momentum_error = 0.0;  // [-] largest difference of what the gas lost and the grains got
+};
 
 /// The run cannot go on: what happened to which grain, with its contacts, and the likely cure.
 struct RunError : std::runtime_error {
@@ -72,6 +84,8 @@ class Simulation {
   std::int64_t n_own_pairs() const;    // in its list; border pairs are in the lists of both ranks
   std::uint64_t n_migrated() const;    // grains that this rank has given to others
   std::uint64_t n_cuts() const;        // how often space has been divided
+  /// What the gas has done in this process, same on all ranks; nothing in a scene without gas.
+  std::optional<GasTotals> gas_totals() const;
   /// Where the time of this rank went since the start.
   std::vector<PhaseTime> phases() const;
 

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstring>
+#include <span>
 #include <vector>
 
 namespace moraine {
@@ -15,8 +16,8 @@ __extension__ using Wide = unsigned __int128;
 
 class Sum {
  public:
-  void add(const std::vector<std::uint64_t>& words) {
-    const XXH128_hash_t h = XXH3_128bits(words.data(), words.size() * sizeof(std::uint64_t));
+  void add(std::span<const std::uint64_t> words) {
+    const XXH128_hash_t h = XXH3_128bits(words.data(), words.size_bytes());
     total_ += static_cast<Wide>(h.high64) << 64 | h.low64;
   }
   /// Adds up what the ranks have, in quarters, so that carries survive the sum over up to 2^32 ranks.
@@ -39,11 +40,12 @@ std::uint64_t word(double value) {
   return bits;
 }
 
-enum class Kind : std::uint64_t { run = 1, grain = 2, pair = 3, wall = 4 };
+enum class Kind : std::uint64_t { run = 1, grain = 2, pair = 3, wall = 4, gas = 5 };
 
 }  // namespace
 
-Hash128 state_hash(const World& world, const Particles& particles, const Contacts& contacts, std::uint64_t step) {
+Hash128 state_hash(const World& world, const Particles& particles, const Contacts& contacts, std::uint64_t step,
+                   GasPhase* gas) {
   Sum sum;
   std::vector<std::uint64_t> words;
   const auto start = [&](Kind kind) { words.assign(1, static_cast<std::uint64_t>(kind)); };
@@ -81,6 +83,12 @@ Hash128 state_hash(const World& world, const Particles& particles, const Contact
                   word(m.displacement[0]), word(m.displacement[1]), word(m.displacement[2])});
     sum.add(words);
   }
+  if (gas)
+    gas->each_part([&](std::span<const std::uint64_t> part) {
+      start(Kind::gas);
+      words.insert(words.end(), part.begin(), part.end());
+      sum.add(words);
+    });
   sum.total(world);
   return sum.value();
 }

@@ -14,7 +14,7 @@ struct PhaseTime {
   double seconds = 0.0;
 };
 
-enum class Phase { rebuild, advance, faces, guard, observe, count_ };
+enum class Phase { rebuild, gas, advance, faces, guard, observe, count_ };
 
 class Stopwatch {
  public:
@@ -28,8 +28,8 @@ class Stopwatch {
   /// Of a phase that is not running [s].
   double seconds(Phase phase) const { return seconds_[static_cast<std::size_t>(phase)]; }
   std::vector<PhaseTime> table() const {
-    static constexpr const char* names[] = {"sort, pair list, wall candidates", "contacts and motion",
-                                            "periodic faces, outlets", "guard", "outside the step"};
+    static constexpr const char* names[] = {"sort, pair list, wall candidates", "gas and drag", "contacts and motion",
+                                            "periodic faces, outlets",          "guard",        "outside the step"};
     std::vector<PhaseTime> rows;
     for (std::size_t i = 0; i < seconds_.size(); ++i) rows.push_back({names[i], seconds_[i]});
     return rows;

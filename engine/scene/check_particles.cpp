@@ -434,7 +434,8 @@ std::pair<double, double> diameter_range(const ParticleGroup& group) {
 }
 
 void check_particles(const Scene& scene, Findings& found) {
-  if (scene.particles.empty()) found.error("particles", "missing: the scene has no grains; add [[particles]]");
+  if (scene.particles.empty() && !scene.gas)
+    found.error("particles", "missing: the scene has no grains; add [[particles]]");
   std::vector<std::string> materials;
   for (const Material& material : scene.materials) materials.push_back(material.name);
   for (std::size_t i = 0; i < scene.particles.size(); ++i)

@@ -79,6 +79,20 @@ std::string summary(const Simulation& simulation, const RunTimes& times, const s
     text += fmt::format("speed: {:.2f} M particle-steps/s\n", 1e-6 * times.particle_steps / times.stepping);
   text += fmt::format("grains: {} born, {} inside, {} left\n", simulation.n_born(), simulation.n_grains(),
                       simulation.n_left());
+  if (const std::optional<GasTotals> gas = simulation.gas_totals(); gas && gas->n_steps > 0) {
+    const auto per_step = [&](std::uint64_t n) { return static_cast<double>(n) / static_cast<double>(gas->n_steps); };
+    text += fmt::format(
+        "gas: {} in {:.3g} parts each, {:.3g} iterations a part, largest mass imbalance {:.1e} of a cell's gas, "
+        "momentum to and from "
+        "grains equal to {:.1e}\n",
+        counted(gas->n_steps, "step"), per_step(gas->n_parts),
+        static_cast<double>(gas->n_iterations) / static_cast<double>(std::max<std::uint64_t>(gas->n_parts, 1)),
+        gas->imbalance, gas->momentum_error);
+    text += fmt::format("void fraction: at least {:.3f}", gas->least_void_fraction);
+    if (gas->n_floored > 0)
+      text += fmt::format("; taken as gas.least_void_fraction in {:.3g} cells a step", per_step(gas->n_floored));
+    text += '\n';
+  }
   const std::string hash =
       simulation.state_hash().text();  // first: it wants the pair list, which a checkpoint sets aside
   const double bytes = sum_over_ranks(simulation.world(), peak_memory());

@@ -99,6 +99,11 @@ MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Ran
       store_quad(contacts, sum.lost);
       for (int k = 0; k < 3; ++k) lost[k] += contacts[k];
       if (record[7] > 0.0) lost[3] += kick.drag_loss / record[7] * squares;
+      if (sums.push && record[7] > 0.0) {
+        const double* const push = sums.push + 3 * std::int64_t{i};
+        const double power = push[0] * mean[0] + push[1] * mean[1] + push[2] * mean[2];
+        lost[3] -= 0.5 * kick.spin_gain / record[7] * power;
+      }
     }
     if (sums.force) {
       alignas(32) double values[4];

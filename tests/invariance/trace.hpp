@@ -95,6 +95,10 @@ inline std::string difference(const Image& x, const Image& y) {
     return "pair history (" + std::to_string(x.pairs.size()) + " and " + std::to_string(y.pairs.size()) + ")";
   if (x.walls != y.walls)
     return "wall history (" + std::to_string(x.walls.size()) + " and " + std::to_string(y.walls.size()) + ")";
+  for (std::size_t k = 0; k < x.grids.size(); ++k)
+    if (x.grids.size() != y.grids.size() || x.grids[k].name != y.grids[k].name || x.grids[k].n != y.grids[k].n ||
+        !(Bits{x.grids[k].values} == Bits{y.grids[k].values}))
+      return "gas " + x.grids[k].name;
   if (x.accumulators != y.accumulators) return "accumulators";
   if (!(x.hash == y.hash)) return "hash";
   return "";

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -228,6 +229,94 @@ inline Scene mirrored() {
   return s;
 }
 
+/// Air in cells two to three grains wide.
+inline Gas air(std::array<int, 3> cells) {
+  Gas g;
+  g.cells = cells;
+  g.density = 1.2;
+  g.viscosity = 1.8e-5;
+  g.step = 2e-4;
+  g.drag = DragLaw::gidaspow;
+  return g;
+}
+
+/// A bed in a narrow column, blown up by a jet in its floor that grows with time; wider than deep, so that ranks lie beside and above
+/// each other.
+inline Scene fluidised_bed() {
+  Scene s = basic();
+  for (Material& material : s.materials) material.density *= 0.2;
+  s.domain.high = {0.16, 0.08, 0.4};
+  s.time.gravity = {0.0, 0.0, -9.81};
+  s.particles = {lattice({{0, 0, 0}, {0.16, 0.08, 0.12}}, 1.03 * d)};
+  s.particles[0].velocity_deviation = 0.05;
+  add_wall(s, "box", BoxShape{s.domain.box()}, "steel");
+  s.gas = air({6, 3, 16});
+  GasBoundary floor, jet, top;
+  floor.kind = jet.kind = GasBoundary::Kind::velocity;
+  floor.face = jet.face = 4;
+  floor.velocity = {0.0, 0.0, 1.2};
+  floor.ramp = {{0.0, 0.2}, {0.05, 1.0}};
+  jet.part = Box{{0.05, 0.02, -1.0}, {0.11, 0.06, 1.0}};
+  jet.velocity = {0.3, 0.0, 9.0};
+  jet.profile = GasBoundary::Profile::parabolic;
+  top.kind = GasBoundary::Kind::pressure;
+  top.face = 5;
+  s.gas->boundaries = {floor, jet, top};
+  s.outlets.push_back({"top", 5});
+  add_probe(s, Probe::Kind::region, "region");
+  return s;
+}
+
+/// Grains that a mean pressure gradient carries around a box, periodic along x and y; smoothed exchange.
+inline Scene conveyed() {
+  Scene s = basic();
+  s.domain.high = {0.12, 0.1, 0.1};
+  s.domain.periodic = {true, true, false};
+  s.particles = {lattice(s.domain.box(), 0.02)};
+  s.particles[0].velocity_deviation = 0.3;
+  add_wall(s, "floor", PlaneShape{{0, 0, 0}, {0, 0, 1}}, "steel");
+  add_wall(s, "lid", PlaneShape{{0, 0, 0.1}, {0, 0, -1}}, "steel");
+  s.gas = air({7, 5, 9});
+  s.gas->viscosity = 1e-3;
+  s.gas->velocity = {3.0, 1.0, 0.0};
+  s.gas->pressure_gradient = {-40.0, -10.0, 0.0};
+  s.gas->drag = DragLaw::beetstra;
+  s.gas->model = GasModel::b;
+  s.gas->weights = GasWeights::smoothed;
+  s.gas->smoothing = 0.015;
+  add_probe(s, Probe::Kind::region, "region");
+  return s;
+}
+
+/// A jet through a flat bed, one cell deep.
+inline Scene flat_jet() {
+  Scene s = basic();
+  for (Material& material : s.materials) material.density *= 0.2;
+  s.domain.dimensions = 2;
+  s.domain.low = {0.0, 0.0, -0.5 * d};
+  s.domain.high = {0.24, 0.5, 0.5 * d};
+  s.time.gravity = {0.0, -9.81, 0.0};
+  s.particles = {lattice({{0, 0, -0.5 * d}, {0.24, 0.15, 0.5 * d}}, 1.05 * d)};
+  s.particles[0].velocity_deviation = 0.05;
+  for (auto [name, point, normal] : {std::tuple{"left", Vec3{0, 0, 0}, Vec3{1, 0, 0}},
+                                     {"right", Vec3{0.24, 0, 0}, Vec3{-1, 0, 0}},
+                                     {"floor", Vec3{0, 0, 0}, Vec3{0, 1, 0}}})
+    add_wall(s, name, PlaneShape{point, normal}, "steel");
+  s.outlets.push_back({"top", 3});
+  s.gas = air({8, 17, 1});
+  s.gas->weights = GasWeights::cell;
+  GasBoundary jet, top;
+  jet.kind = GasBoundary::Kind::velocity;
+  jet.face = 2;
+  jet.part = Box{{0.09, -1.0, -1.0}, {0.15, 1.0, 1.0}};
+  jet.velocity = {0.0, 12.0, 0.0};
+  top.kind = GasBoundary::Kind::pressure;
+  top.face = 3;
+  s.gas->boundaries = {jet, top};
+  add_probe(s, Probe::Kind::mass, "mass");
+  return s;
+}
+
 struct Named {
   const char* name;
   Scene scene;
@@ -241,7 +330,10 @@ inline std::vector<Named> all() {
           {"gas", gas(), 2500},
           {"polydisperse", polydisperse(), 3000},
           {"flat", flat(), 4000},
-          {"mirrored", mirrored(), 3000}};
+          {"mirrored", mirrored(), 3000},
+          {"fluidised bed", fluidised_bed(), 2500},
+          {"conveyed", conveyed(), 2500},
+          {"flat jet", flat_jet(), 3000}};
 }
 
 }  // namespace moraine::scenes

@@ -1,0 +1,145 @@
+#include "engine/run/gas_phase.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+
+#include "engine/particles/parcel.hpp"
+
+namespace moraine {
+
+namespace {
+
+constexpr const char* numbers_name = "gas";  // of what GasFlow keeps in numbers, among an image's accumulators
+
+const GridArray& find(const Image& image, const std::string& name) {
+  const auto found =
+      std::find_if(image.grids.begin(), image.grids.end(), [&](const GridArray& array) { return array.name == name; });
+  if (found == image.grids.end())
+    throw SceneError(
+        {{"", fmt::format("the checkpoint holds no \"{}\" of the gas, which the scene needs", name), false}});
+  return *found;
+}
+
+}  // namespace
+
+GasPhase::GasPhase(const Scene& scene, const Plan& plan, const World& world, int n_threads)
+    : world_(world),
+      step_(static_cast<double>(plan.gas_steps) * plan.time_step.step),
+      grain_steps_(plan.gas_steps),
+      coupling_(scene, gas_grid(scene.domain, *scene.gas), world, n_threads) {}
+
+void GasPhase::advance(Particles& particles, double time) {
+  last_ = coupling_.advance(particles, time, step_);
+  ++totals_.n_steps;
+  totals_.n_parts += static_cast<std::uint64_t>(last_.gas.n_parts);
+  totals_.n_iterations += static_cast<std::uint64_t>(last_.gas.iterations);
+  totals_.imbalance = std::max(totals_.imbalance, last_.gas.imbalance);
+  totals_.n_floored += last_.n_floored;
+  totals_.least_void_fraction = std::min(totals_.least_void_fraction, last_.least_void_fraction);
+  totals_.momentum_error = std::max(totals_.momentum_error, last_.momentum_error);
+  // The drag on a grain stays as it is for a gas step; twice the relaxation time and it swings ever further.
+  constexpr double unstable = 2.0;
+  if (last_.fastest_exchange > unstable)
+    throw RunError(
+        fmt::format("at {:.6g} s: the gas step of {:.4g} s is {:.1f} times as long as the gas takes to drag a grain "
+                    "along; set gas.step to "
+                    "{:.2g} s or less",
+                    time, step_, last_.fastest_exchange, 0.5 * step_ / last_.fastest_exchange));
+}
+
+std::vector<GasPhase::Quantity> GasPhase::kept() {
+  // The first rank always has gas; those without learn from it what there is.
+  std::vector<GasFlow::Kept> own;
+  if (GasFlow* const flow = coupling_.flow()) own = flow->kept();
+  ParcelWriter writer;
+  for (const GasFlow::Kept& one : own) {
+    for (const std::string_view text : {one.name, one.unit}) {
+      writer.put(text.size());
+      writer.put_all(std::span(text));
+    }
+    writer.put(one.face_axis);
+  }
+  std::vector<std::byte> bytes = writer.take();
+  world_.broadcast(bytes);
+  std::vector<Quantity> all;
+  const auto text = [](ParcelReader& reader) {
+    std::string value(reader.get<std::size_t>(), ' ');
+    reader.get_all(std::span(value));
+    return value;
+  };
+  for (ParcelReader reader(bytes); !reader.at_end();) {
+    Quantity one;
+    one.name = text(reader);
+    one.unit = text(reader);
+    one.face_axis = reader.get<int>();
+    one.values = own.empty() ? nullptr : own[all.size()].values;
+    all.push_back(std::move(one));
+  }
+  return all;
+}
+
+void GasPhase::gather(const std::string& name, const std::string& unit, int face_axis, const GridField<>* field,
+                      Image& image) const {
+  GridArray array;
+  array.name = name;
+  array.unit = unit;
+  gather_grid(world_, {coupling_.share(), face_axis}, field, array);
+  image.grids.push_back(std::move(array));
+}
+
+void GasPhase::gather_kept(Image& image) {
+  std::vector<double> numbers;
+  if (GasFlow* const flow = coupling_.flow()) numbers = flow->kept_numbers();
+  ParcelWriter writer;
+  writer.put_all(std::span<const double>(numbers));
+  std::vector<std::byte> bytes = writer.take();
+  world_.broadcast(bytes);
+  numbers.resize(bytes.size() / sizeof(double));
+  ParcelReader(bytes).get_all(std::span(numbers));
+  image.accumulators[numbers_name] = numbers;
+  for (const Quantity& one : kept()) gather(one.name, one.unit, one.face_axis, one.values, image);
+}
+
+void GasPhase::gather_shown(Image& image) {
+  GasFlow* const flow = coupling_.flow();
+  gather("void_fraction", "", -1, flow ? &flow->void_fraction() : nullptr, image);
+  gather("pressure", "Pa", -1, flow ? &flow->pressure() : nullptr, image);
+  static constexpr const char* names[] = {"gas_velocity_x", "gas_velocity_y", "gas_velocity_z"};
+  for (int axis = 0; axis < 3; ++axis)
+    gather(names[axis], "m/s", -1, flow ? &flow->cell_velocity(axis) : nullptr, image);
+}
+
+void GasPhase::restore(const Image& image) {
+  const auto numbers = image.accumulators.find(numbers_name);
+  if (numbers == image.accumulators.end())
+    throw SceneError({{"gas", "the checkpoint was written without gas, which the scene now has", false}});
+  for (const Quantity& quantity : kept())
+    put_grid(world_, {coupling_.share(), quantity.face_axis}, find(image, quantity.name), quantity.values);
+  if (GasFlow* const flow = coupling_.flow()) flow->restore(numbers->second);
+}
+
+void GasPhase::each_part(const std::function<void(std::span<const std::uint64_t>)>& use) {
+  GasFlow* const flow = coupling_.flow();
+  if (!flow) return;
+  std::vector<std::uint64_t> words;
+  const std::vector<GasFlow::Kept> all = flow->kept();
+  for (std::size_t q = 0; q < all.size(); ++q) {
+    const GridPlaces places{coupling_.share(), all[q].face_axis};
+    const CellBlock block = places.block(world_.rank());
+    const GridField<>& field = *all[q].values;
+    words.resize(3 + static_cast<std::size_t>(block.size(0)));
+    for (int k = 0; k < block.size(2); ++k)
+      for (int j = 0; j < block.size(1); ++j) {  // lines along x are whole on any layout
+        words[0] = q;
+        words[1] = static_cast<std::uint64_t>(block.low[1] + j);
+        words[2] = static_cast<std::uint64_t>(block.low[2] + k);
+        std::memcpy(words.data() + 3, field.data() + field.layout().at(0, j, k),
+                    static_cast<std::size_t>(block.size(0)) * sizeof(double));
+        use(words);
+      }
+  }
+}
+
+}  // namespace moraine
