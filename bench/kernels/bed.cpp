@@ -94,26 +94,26 @@ Bed::Bed(Size size, bool has_rotation) : particles({has_rotation, true, false, f
   image_shift.assign(image::n_codes, Vec3{});
 }
 
-void Bed::restart(NormalLaw normal, TangentialLaw tangential) {
-  if (!has_history(tangential)) return;
+void Bed::restart(const LawChoice& choice) {
+  if (!has_history(choice.tangential)) return;
   const PairParameters p = table.at(0);
   // Friction holds a displacement of mu F_n / k_t; the power law, which grows softer, half as much again.
-  double limit = p[Parameter::friction] * (normal == NormalLaw::linear || tangential == TangentialLaw::spring
+  double limit = p[Parameter::friction] * (choice.normal == NormalLaw::linear || choice.tangential == TangentialLaw::spring
                                                ? p[Parameter::normal_stiffness] / p[Parameter::tangential_stiffness]
                                                : p[Parameter::young] / (6.0 * p[Parameter::shear]));
-  if (tangential == TangentialLaw::power) limit *= 1.5;
+  if (choice.tangential == TangentialLaw::power) limit *= 1.5;
   ThreadPairs& mine = thread();
+  mine.memory_columns = memory_columns(choice.has_ledger);
   for (std::int64_t k = 0; k < n_slots; ++k) {
     const auto q = static_cast<std::size_t>(k);
-    double* const h = mine.history.data() + 4 * k;
-    std::fill_n(h, 4, 0.0);
+    mine.set_memory(k, {});
     if (mine.a[q] == particles.dummy()) continue;
     const double overlap =
         2.0 * particles.radius(0) - length(particles.position(mine.a[q]) - particles.position(mine.b[q]));
     if (!(overlap > 0.0)) continue;
     const auto counter = static_cast<std::uint64_t>(k);
     const Vec3 size = limit * overlap * 0.6 * (1.0 + uniform(counter, 9)) * normalized(random_vector(counter, 6));
-    for (int c = 0; c < 3; ++c) h[c] = size[c];
+    mine.set_memory(k, {{size.x, size.y, size.z}, 0.0});
   }
 }
 
@@ -175,7 +175,7 @@ double flops_of_contact(const LawChoice& choice) {
 Work work_of_sweep(const Bed& bed, const LawChoice& choice, bool has_images, double n_touching) {
   Work work;
   const double per_pair = 8.0 + (choice.is_uniform ? 0.0 : 1.0) + (has_images ? 1.0 : 0.0);
-  const double history = has_history(choice.tangential) ? doubles(4.0) : 0.0;
+  const double history = has_history(choice.tangential) ? doubles(memory_columns(choice.has_ledger)) : 0.0;
   const double records = bed.n_grains() * doubles(record_size(choice.has_rotation));
   work.items_name = "contacts/s";
   work.items = n_touching;

@@ -49,7 +49,7 @@ struct Bed {
   double n_pairs() const { return static_cast<double>(pairs.size()); }
 
   /// Tangential displacements up to a little over what friction holds, in random directions.
-  void restart(NormalLaw normal, TangentialLaw tangential);
+  void restart(const LawChoice& choice);
   PairSweep sweep(const LawChoice& choice, bool has_images);
   GrainSums sums(const LawChoice& choice);
 

@@ -20,7 +20,7 @@ std::string name_of_choice(const LawChoice& c) {
 
 void sweep_pairs(benchmark::State& state, const LawChoice& choice, Size size) {
   Bed& b = bed(size, choice.has_rotation);
-  b.restart(choice.normal, choice.tangential);
+  b.restart(choice);
   const PairKernel kernel = contact_kernels(choice).pairs;
   const PairSweep sweep = b.sweep(choice, false);
   const int slot = slot_size(choice.has_rotation, choice.has_ledger);

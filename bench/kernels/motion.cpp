@@ -12,7 +12,7 @@ void add_motion() {
             [=](benchmark::State& state) {
               Bed& b = bed(size, has_rotation);
               const LawChoice choice{NormalLaw::linear, TangentialLaw::spring, has_rotation, true, has_ledger};
-              b.restart(choice.normal, choice.tangential);
+              b.restart(choice);
               b.run(contact_kernels(choice).pairs, b.sweep(choice, false), slot_size(has_rotation, has_ledger));
               const GrainSums sums = b.sums(choice);
               const MotionKernel kernel = motion_kernel(has_rotation, has_ledger);

@@ -82,7 +82,7 @@ void build(benchmark::State& state, Size size, int n_threads) {
   // in order already, so that grains stay where their memory is
   b.pairs.build(b.particles, b.cells, {}, {}, Bed::skin, b.needs, b.cells.order(), {}, 1);
   b.n_slots = b.thread().tiles.back().pair_end;
-  b.restart(NormalLaw::linear, TangentialLaw::spring);
+  b.restart({NormalLaw::linear, TangentialLaw::spring, true, false, true});
   const PairCarry carry = b.pairs.carry(b.particles, {}, false, 1);
   measure(state, work_of_grains(b, n_threads),
           [&] { b.pairs.build(b.particles, b.cells, {}, {}, Bed::skin, b.needs, b.cells.order(), carry, n_threads); });

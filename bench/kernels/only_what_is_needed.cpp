@@ -45,7 +45,7 @@ class Pass {
         pairs_(contact_kernels(needs.choice).pairs),
         motion_(motion_kernel(needs.choice.has_rotation, needs.choice.has_ledger)),
         slot_(slot_size(needs.choice.has_rotation, needs.choice.has_ledger)) {
-    bed_.restart(needs.choice.normal, needs.choice.tangential);
+    bed_.restart(needs.choice);
   }
   double n_grains() const { return bed_.n_grains(); }
   void operator()() {

@@ -42,7 +42,7 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
       world_(world),
       wall_contacts_(walls, scene.domain, moraine::has_history(scene.contact.tangential),
                      slot_size(choice_.has_rotation, choice_.has_ledger)) {
-  needs_.has_history = moraine::has_history(choice_.tangential);
+  needs_.memory_columns = moraine::has_history(choice_.tangential) ? memory_columns(choice_.has_ledger) : 0;
   needs_.has_images = periodic_[0] || periodic_[1] || periodic_[2];
   needs_.has_species = laws_.n_pair_species > 1;
   needs_.slot_size = slot_size(choice_.has_rotation, choice_.has_ledger);

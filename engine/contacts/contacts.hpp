@@ -122,14 +122,14 @@ class Contacts {
   /// particular order: so once over all ranks.
   template <typename Function>
   void for_each_memory(const Particles& particles, Function f) const {
-    if (!needs_.has_history) return;
+    if (!has_history()) return;
     pairs_.for_each(particles.dummy(),
                     [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
                       if (memory && memory->is_used() && particles.is_owned(a)) f(a, b, image, *memory);
                     });
   }
   WallCarry wall_carry() const { return wall_contacts_.carry(); }
-  bool has_history() const { return needs_.has_history; }
+  bool has_history() const { return needs_.memory_columns > 0; }
   std::int64_t n_pairs() const { return pairs_.size(); }
   const PairList& pairs() const { return pairs_; }
   const Cells& cells() const { return cells_; }

@@ -217,7 +217,8 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
   mine.b.resize_discarding(capacity);
   mine.image.resize_discarding(needs.has_images ? capacity : 0);
   mine.species.resize_discarding(needs.has_species ? capacity : 0);
-  mine.history.resize_discarding(needs.has_history ? 4 * capacity : 0);
+  mine.memory_columns = needs.memory_columns;
+  mine.history.resize_discarding(at(needs.memory_columns) * capacity);
   mine.tiles.clear();
   mine.plain.clear();
   mine.deferred.clear();
@@ -234,11 +235,10 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
     if (needs.has_images) mine.image[p] = stored;
     if (needs.has_species)
       mine.species[p] = needs.species_table[particles.material(i) * needs.n_materials + particles.material(j)];
-    if (needs.has_history) {
-      const PairMemory memory = carry.find({was_at[at(i)], particles.gid(i)},
-                                           {particles.is_owned(j) ? was_at[at(j)] : -1, particles.gid(j)}, stored);
-      std::memcpy(mine.history.data() + 4 * p, &memory, sizeof(PairMemory));
-    }
+    if (needs.memory_columns > 0)
+      mine.set_memory(k - 1,
+                      carry.find({was_at[at(i)], particles.gid(i)},
+                                 {particles.is_owned(j) ? was_at[at(j)] : -1, particles.gid(j)}, stored));
   };
   const auto fill_group = [&] {
     for (; k % pair_group != 0; ++k) {
@@ -246,7 +246,7 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
       mine.a[p] = mine.b[p] = dummy;
       if (needs.has_images) mine.image[p] = 0;
       if (needs.has_species) mine.species[p] = 0;
-      if (needs.has_history) std::fill_n(mine.history.data() + 4 * p, 4, 0.0);
+      mine.set_memory(k, {});
     }
   };
 
@@ -529,8 +529,8 @@ void PairList::shift_images(std::int32_t i, const std::array<int, 3>& steps) {
 void PairList::clear_memory(const Particles& particles, std::int32_t i, ExactSum& energy) {
   for_each_of(i, [&](ThreadPairs& owner, std::int64_t k, bool is_b) {
     if (owner.history.size() == 0) return;
-    if (!is_b || particles.is_owned(owner.a[at(k)])) energy.add(owner.history[4 * at(k) + 3]);
-    std::fill_n(owner.history.data() + 4 * k, 4, 0.0);
+    if (!is_b || particles.is_owned(owner.a[at(k)])) energy.add(owner.memory(k).energy);
+    owner.set_memory(k, {});
   });
 }
 
@@ -550,8 +550,8 @@ void PairList::follow_ghosts(const Particles& particles, std::span<const GhostEv
       const GhostEvent* const event = event_of(ghost_is_b ? b : a);
       if (!event) continue;
       if (event->has_left && t.history.size() > 0) {
-        if (ghost_is_b) energy.add(t.history[4 * at(k) + 3]);
-        std::fill_n(t.history.data() + 4 * k, 4, 0.0);
+        if (ghost_is_b) energy.add(t.memory(k).energy);
+        t.set_memory(k, {});
       }
       if (event->steps != std::array<int, 3>{})
         t.image[at(k)] = image::shifted(t.image[at(k)], event->steps, ghost_is_b);

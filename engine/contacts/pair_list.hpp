@@ -20,6 +20,7 @@
 #include "engine/particles/particles.hpp"
 #include "kernels/base/exact_sum.hpp"
 #include "kernels/base/range.hpp"
+#include "kernels/contact/sweep.hpp"
 #include "kernels/motion/motion.hpp"
 
 namespace moraine {
@@ -53,7 +54,8 @@ struct ThreadPairs {
   AlignedArray<std::int32_t> a, b;      // lower and higher gid
   AlignedArray<std::uint8_t> image;     // only with periodic directions
   AlignedArray<std::uint8_t> species;   // only where not uniform
-  AlignedArray<double> history;         // four doubles a pair; only for laws with history
+  AlignedArray<double> history;         // what pairs remember, by memory_at(); only for laws with history
+  int memory_columns = 0;               // doubles of each pair in it
   AlignedArray<std::uint32_t> offsets;  // entries of each of the thread's grains
   AlignedArray<Entry> entries;
   AlignedArray<double> ring;
@@ -62,6 +64,20 @@ struct ThreadPairs {
   std::vector<std::int32_t> plain;  // where tiles have deferred grains
   std::vector<std::int32_t> deferred;
   std::int64_t n_pairs = 0;  // without the dummies that fill groups up
+
+  /// What pair k remembers; all zero for laws without history.
+  PairMemory memory(std::int64_t k) const {
+    double values[4] = {0, 0, 0, 0};
+    for (int c = 0; history.size() > 0 && c < memory_columns; ++c)
+      values[c] = history[static_cast<std::size_t>(memory_at(k, c, memory_columns))];
+    return {{values[0], values[1], values[2]}, values[3]};
+  }
+  /// Only for laws with history.
+  void set_memory(std::int64_t k, const PairMemory& m) {
+    const double values[4] = {m.displacement[0], m.displacement[1], m.displacement[2], m.energy};
+    for (int c = 0; c < memory_columns; ++c)
+      history[static_cast<std::size_t>(memory_at(k, c, memory_columns))] = values[c];
+  }
 };
 
 /// What pairs remember across a rebuild: for each grain, by its place before the rebuild, touching pairs. A pair of two grains of this
@@ -101,7 +117,7 @@ struct GhostEvent {
 
 /// What the list must provide for the scene's kernels.
 struct PairNeeds {
-  bool has_history = true;
+  int memory_columns = 4;  // doubles that a pair remembers; 0: laws without history
   bool has_images = false;
   bool has_species = false;
   int slot_size = 8;                            // doubles
@@ -157,8 +173,8 @@ class PairList {
       for (std::int64_t k = tile.ring_begin; k < tile.pair_end; ++k) {
         const auto p = static_cast<std::size_t>(k);
         if (t.a[p] == dummy) continue;
-        f(t.a[p], t.b[p], t.image.size() ? t.image[p] : std::uint8_t{0},
-          t.history.size() ? reinterpret_cast<const PairMemory*>(t.history.data() + 4 * k) : nullptr);
+        const PairMemory memory = t.memory(k);
+        f(t.a[p], t.b[p], t.image.size() ? t.image[p] : std::uint8_t{0}, t.history.size() ? &memory : nullptr);
       }
   }
   void search(const Particles& particles, const Cells& cells, std::span<const GhostCopy> ghosts,

@@ -20,6 +20,12 @@ inline constexpr std::int64_t pair_group = 8;
 constexpr int slot_size(bool has_rotation, bool has_ledger) {
   return 4 + (has_rotation ? 4 : 0) + (has_ledger ? 4 : 0);
 }
+/// Doubles that a pair remembers: tangential displacement [m], and with the ledger the energy stored in it [J].
+constexpr int memory_columns(bool has_ledger) { return has_ledger ? 4 : 3; }
+/// Where column c of a pair's memory lies: groups of pairs, each with one column behind the other, so that lanes are loaded as they lie.
+constexpr std::int64_t memory_at(std::int64_t pair, int c, int n_columns) {
+  return (pair / pair_group * n_columns + c) * pair_group + pair % pair_group;
+}
 /// Doubles in a grain's record (see engine/particles/fields.hpp).
 constexpr int record_size(bool has_rotation) { return has_rotation ? 12 : 8; }
 
@@ -30,7 +36,7 @@ struct PairSweep {
   const std::uint8_t* image = nullptr;    // periodic image code of each pair; nullptr: no periodic direction
   const Vec3* image_shift = nullptr;      // [m] by code: x_a - x_b + shift is the separation
   const std::uint8_t* species = nullptr;  // row of the law table; nullptr: row 0 for all (uniform)
-  double* history = nullptr;              // four doubles a pair: tangential displacement [m], energy stored in it [J]
+  double* history = nullptr;              // what pairs remember, by memory_at()
   const LawTable* table = nullptr;
   double inverse_mass = 0.0;  // [1/kg] of every grain (uniform)
   double radius = 0.0;        // [m] of every grain (uniform)
@@ -58,7 +64,7 @@ struct WallTouches {
   const double* velocity_z = nullptr;
   const double* mirror = nullptr;  // 1: a wall; 2: a mirror, in which the grain meets its own image
   const std::uint8_t* species = nullptr;
-  double* history = nullptr;  // four doubles a touch, as for pairs
+  double* history = nullptr;  // four doubles a touch: displacement [m], energy [J]
   double* slots = nullptr;    // force on the grain, as for pairs with the grain as a
 };
 

@@ -86,6 +86,18 @@ struct Pairs {
   const double* record(std::int32_t i) const {
     return records.data() + std::int64_t{i} * record_size(choice.has_rotation);
   }
+  int columns() const { return memory_columns(choice.has_ledger); }
+  /// Displacement and stored energy of pair k.
+  std::array<double, 4> memory(std::int64_t k) const {
+    std::array<double, 4> row{};
+    for (int c = 0; c < columns(); ++c)
+      row[static_cast<std::size_t>(c)] = history[static_cast<std::size_t>(memory_at(k, c, columns()))];
+    return row;
+  }
+  void set_memory(std::int64_t k, const std::array<double, 4>& row) {
+    for (int c = 0; c < columns(); ++c)
+      history[static_cast<std::size_t>(memory_at(k, c, columns()))] = row[static_cast<std::size_t>(c)];
+  }
   int slot_doubles() const { return slot_size(choice.has_rotation, choice.has_ledger); }
   Range range() const { return {0, static_cast<std::int64_t>(a.size())}; }
   PairSweep sweep() {
@@ -123,7 +135,7 @@ inline Pairs random_pairs(const LawChoice& choice, int n, std::uint64_t seed) {
   pairs.b.assign(filled, dummy);
   pairs.image.assign(filled, 0);
   pairs.species.assign(filled, 0);
-  pairs.history.resize_discarding(4 * filled);
+  pairs.history.resize_discarding(static_cast<std::size_t>(pairs.columns()) * filled);
   pairs.slots.resize_discarding(filled * static_cast<std::size_t>(pairs.slot_doubles()));
   pairs.records.resize_discarding(static_cast<std::size_t>((2 * n + 1) * record_size(choice.has_rotation)));
   std::fill(pairs.history.begin(), pairs.history.end(), 0.0);
@@ -167,8 +179,8 @@ inline Pairs random_pairs(const LawChoice& choice, int n, std::uint64_t seed) {
       std::copy_n(values, record_size(choice.has_rotation), r);
     }
     const Vec3 h = tangent(dice, normalized(normal + 0.01 * dice.direction()), random_size(dice));
-    const double row[4] = {h.x, h.y, h.z, squared_length(h) > 0.0 ? 1e-6 * dice.uniform(0.0, 1.0) : 0.0};
-    if (has_history(choice)) std::copy_n(row, 4, pairs.history.data() + 4 * k);
+    const double stored = squared_length(h) > 0.0 ? 1e-6 * dice.uniform(0.0, 1.0) : 0.0;
+    if (has_history(choice)) pairs.set_memory(k, {h.x, h.y, h.z, stored});
   }
   return pairs;
 }
@@ -199,7 +211,7 @@ inline Expected expected_of(const Pairs& pairs, int k) {
   expected.contact.normal = separation / distance;
   expected.contact.a = body_of(a, pairs.choice.has_rotation, a[3] - 0.5 * expected.contact.overlap);
   expected.contact.b = body_of(b, pairs.choice.has_rotation, b[3] - 0.5 * expected.contact.overlap);
-  const double* const h = pairs.history.data() + 4 * k;
+  const std::array<double, 4> h = pairs.memory(k);
   expected.contact.displacement = {h[0], h[1], h[2]};
   expected.contact.stored = h[3];
   expected.force = reference_contact(pairs.choice.normal, pairs.choice.tangential, pairs.choice.has_rotation,

@@ -81,7 +81,8 @@ TEST_CASE("every compiled pair sweep gives the forces, moments, memory and losse
     Pairs pairs = random_pairs(choice, n_contacts, 11);
     std::vector<Expected> expected;
     for (int k = 0; k < pairs.n; ++k) expected.push_back(expected_of(pairs, k));
-    const std::vector<double> before(pairs.history.begin(), pairs.history.end());
+    std::vector<std::array<double, 4>> before;
+    for (int k = 0; k < pairs.n; ++k) before.push_back(pairs.memory(k));
     const SweepResult result = pairs.run();
     const bool remembers = has_history(choice);
     Worst worst;
@@ -89,13 +90,13 @@ TEST_CASE("every compiled pair sweep gives the forces, moments, memory and losse
     for (int k = 0; k < pairs.n; ++k) {
       const Expected& e = expected[static_cast<std::size_t>(k)];
       const double* const slot = pairs.slots.data() + std::int64_t{k} * pairs.slot_doubles();
-      const double* const history = pairs.history.data() + 4 * k;
+      const std::array<double, 4> history = pairs.memory(k);
       if (!e.touches) {
         for (int q = 0; q < pairs.slot_doubles(); ++q) {
           const bool is_friction = choice.has_ledger && remembers && q == pairs.slot_doubles() - 2;
-          REQUIRE(slot[q] == (is_friction ? before[static_cast<std::size_t>(4 * k + 3)] : 0.0));
+          REQUIRE(slot[q] == (is_friction ? before[static_cast<std::size_t>(k)][3] : 0.0));
         }
-        if (remembers) REQUIRE(std::all_of(history, history + 4, [](double x) { return x == 0.0; }));
+        if (remembers) REQUIRE(std::all_of(history.begin(), history.end(), [](double x) { return x == 0.0; }));
         continue;
       }
       ++n_touching;
@@ -104,7 +105,7 @@ TEST_CASE("every compiled pair sweep gives the forces, moments, memory and losse
       const double arms[2] = {slot[3], choice.has_rotation ? slot[7] : 0.0};
       const std::size_t species = pairs.species[static_cast<std::size_t>(k)];
       const double scale = force_scale(pairs.table, species, choice, e.contact, e.force, 1.0);
-      compare(choice, slot, history, arms, e.contact, e.force, scale,
+      compare(choice, slot, history.data(), arms, e.contact, e.force, scale,
               power_energy(pairs.table, species, choice, e.contact, scale, 1.0), 1.0, worst);
     }
     CHECK(result.n_touching == n_touching);
@@ -146,14 +147,15 @@ TEST_CASE("a pair gives the same bits in any lane and beside any others") {
       shuffled.b[k] = plain.b[order[k]];
       shuffled.image[k] = plain.image[order[k]];
       shuffled.species[k] = plain.species[order[k]];
-      std::copy_n(plain.history.data() + 4 * order[k], 4, shuffled.history.data() + 4 * k);
+      shuffled.set_memory(static_cast<std::int64_t>(k), plain.memory(static_cast<std::int64_t>(order[k])));
     }
     plain.run();
     shuffled.run();
     const auto size = static_cast<std::size_t>(plain.slot_doubles());
     for (std::size_t k = 0; k < order.size(); ++k) {
       REQUIRE(same_bits(shuffled.slots.data() + size * k, plain.slots.data() + size * order[k], size));
-      REQUIRE(same_bits(shuffled.history.data() + 4 * k, plain.history.data() + 4 * order[k], 4));
+      REQUIRE(same_bits(shuffled.memory(static_cast<std::int64_t>(k)).data(),
+                        plain.memory(static_cast<std::int64_t>(order[k])).data(), 4));
     }
   }
 }
@@ -191,7 +193,7 @@ TEST_CASE("sweeps with and without the ledger give the same bits of force, momen
       REQUIRE(same_bits(with.slots.data() + k * with.slot_doubles(), without.slots.data() + k * without.slot_doubles(),
                         static_cast<std::size_t>(without.slot_doubles())));
       const bool remembers = has_history(choice);
-      if (remembers) REQUIRE(same_bits(with.history.data() + 4 * k, without.history.data() + 4 * k, 3));
+      if (remembers) REQUIRE(same_bits(with.memory(k).data(), without.memory(k).data(), 3));
     }
   }
 }

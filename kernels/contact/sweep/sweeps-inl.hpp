@@ -40,6 +40,7 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
   constexpr int stride = record_size(has_rotation);
   constexpr int slot = slot_size(has_rotation, has_ledger);
   constexpr bool remembers = has_history(tangential);
+  constexpr int n_columns = memory_columns(has_ledger);
   constexpr bool is_spinning = has_rotation && tangential != TangentialLaw::none;
   const double* const records = sweep.records;
   SweepResult result;
@@ -62,16 +63,15 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
     if (sweep.image) d = add_image_shift(sweep, k, d);
     const Lanes square = dot(d, d), reach = pa.d + pb.d;
     const LaneMask touches = square < reach * reach;
-    double* const history = sweep.history + 4 * k;
-    const auto at_history = [&](int lane) HWY_ATTR { return history + 4 * lane; };
+    double* const history = remembers ? sweep.history + memory_at(k, 0, n_columns) : nullptr;
     if (none(touches)) {
       clear_slots<has_rotation, has_ledger>(slots);
       if constexpr (remembers) {
         if constexpr (has_ledger) {
           // what a spring still held when its contact ended counts as friction
-          for (int lane = 0; lane < n_lanes; ++lane) slots[lane * slot + slot - 2] = history[4 * lane + 3];
+          for (int lane = 0; lane < n_lanes; ++lane) slots[lane * slot + slot - 2] = history[3 * pair_group + lane];
         }
-        for (int i = 0; i < 4; ++i) store(history + i * n_lanes, Lanes(0.0));
+        for (int i = 0; i < n_columns; ++i) store(history + i * pair_group, Lanes(0.0));
       }
       continue;
     }
@@ -104,12 +104,17 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
                                                            mass_at(ia) + mass_at(ib), kappa, sweep.dt);
     }
     Lanes4 h{};
-    if constexpr (remembers) h = load_records(at_history);
+    if constexpr (remembers)
+      h = {load(history), load(history + pair_group), load(history + 2 * pair_group),
+           has_ledger ? load(history + 3 * pair_group) : Lanes(0.0)};
     const ContactForce f = contact_force<normal, tangential, has_ledger>(c, m, h.xyz(), h.d, sweep.dt);
 
     if constexpr (remembers) {
       const Lanes3 kept = keep_if(touches, f.h);
-      store_records(at_history, Lanes4{kept.x, kept.y, kept.z, has_ledger ? keep_if(touches, f.energy) : Lanes(0.0)});
+      store(history, kept.x);
+      store(history + pair_group, kept.y);
+      store(history + 2 * pair_group, kept.z);
+      if constexpr (has_ledger) store(history + 3 * pair_group, keep_if(touches, f.energy));
     }
     const Lanes3 force = keep_if(touches, fma(f.normal, m.normal, f.tangential));
     const auto at_slot = [&](int offset)
