@@ -11,15 +11,19 @@ namespace moraine {
 
 namespace {
 
-constexpr const char* numbers_name = "gas";  // of what GasFlow keeps in numbers, among an image's accumulators
+constexpr const char* counts_name = "gas_mean";  // of samples
+constexpr const char* numbers_name = "gas";      // of what GasFlow keeps in numbers, among an image's accumulators
 
-const GridArray& find(const Image& image, const std::string& name) {
+const GridArray* look_for(const Image& image, const std::string& name) {
   const auto found =
       std::find_if(image.grids.begin(), image.grids.end(), [&](const GridArray& array) { return array.name == name; });
-  if (found == image.grids.end())
-    throw SceneError(
-        {{"", fmt::format("the checkpoint holds no \"{}\" of the gas, which the scene needs", name), false}});
-  return *found;
+  return found == image.grids.end() ? nullptr : &*found;
+}
+
+const GridArray& find(const Image& image, const std::string& name) {
+  if (const GridArray* const found = look_for(image, name)) return *found;
+  throw SceneError(
+      {{"", fmt::format("the checkpoint holds no \"{}\" of the gas, which the scene needs", name), false}});
 }
 
 }  // namespace
@@ -28,7 +32,20 @@ GasPhase::GasPhase(const Scene& scene, const Plan& plan, const World& world, int
     : world_(world),
       step_(static_cast<double>(plan.gas_steps) * plan.time_step.step),
       grain_steps_(plan.gas_steps),
-      coupling_(scene, gas_grid(scene.domain, *scene.gas), world, n_threads) {}
+      coupling_(scene, gas_grid(scene.domain, *scene.gas), world, n_threads),
+      means_(scene, coupling_.share().block(world.rank())) {}
+
+GasView GasPhase::view() {
+  GasView view{coupling_.grid(), coupling_.share()};
+  view.means = &means_;
+  if (GasFlow* const flow = coupling_.flow()) {
+    view.void_fraction = &flow->void_fraction();
+    view.pressure = &flow->pressure();
+    for (int axis = 0; axis < 3; ++axis)
+      view.cell_velocity[static_cast<std::size_t>(axis)] = &flow->cell_velocity(axis);
+  }
+  return view;
+}
 
 void GasPhase::advance(Particles& particles, double time) {
   last_ = coupling_.advance(particles, time, step_);
@@ -91,7 +108,8 @@ void GasPhase::gather(const std::string& name, const std::string& unit, int face
 
 void GasPhase::gather_kept(Image& image) {
   std::vector<double> numbers;
-  if (GasFlow* const flow = coupling_.flow()) numbers = flow->kept_numbers();
+  GasFlow* const flow = coupling_.flow();
+  if (flow) numbers = flow->kept_numbers();
   ParcelWriter writer;
   writer.put_all(std::span<const double>(numbers));
   std::vector<std::byte> bytes = writer.take();
@@ -99,6 +117,8 @@ void GasPhase::gather_kept(Image& image) {
   numbers.resize(bytes.size() / sizeof(double));
   ParcelReader(bytes).get_all(std::span(numbers));
   image.accumulators[numbers_name] = numbers;
+  image.accumulators[counts_name] = means_.counts();
+  for (GasMeans::Sum& sum : means_.sums()) gather(sum.name, sum.unit, -1, flow ? sum.values : nullptr, image);
   for (const Quantity& one : kept()) gather(one.name, one.unit, one.face_axis, one.values, image);
 }
 
@@ -109,15 +129,34 @@ void GasPhase::gather_shown(Image& image) {
   static constexpr const char* names[] = {"gas_velocity_x", "gas_velocity_y", "gas_velocity_z"};
   for (int axis = 0; axis < 3; ++axis)
     gather(names[axis], "m/s", -1, flow ? &flow->cell_velocity(axis) : nullptr, image);
+  for (const GasMeans::Mean& mean : means_.means()) {
+    const GridLayout layout(coupling_.share().block(world_.rank()), 0);
+    GridField<> field(layout);
+    std::copy(mean.values.begin(), mean.values.end(), field.data());
+    gather(mean.name, mean.unit, -1, flow ? &field : nullptr, image);
+  }
 }
 
 void GasPhase::restore(const Image& image) {
   const auto numbers = image.accumulators.find(numbers_name);
   if (numbers == image.accumulators.end())
     throw SceneError({{"gas", "the checkpoint was written without gas, which the scene now has", false}});
+  restore_means(image);
   for (const Quantity& quantity : kept())
     put_grid(world_, {coupling_.share(), quantity.face_axis}, find(image, quantity.name), quantity.values);
   if (GasFlow* const flow = coupling_.flow()) flow->restore(numbers->second);
+}
+
+/// Averages go on where the checkpoint has all of them; else they begin anew.
+void GasPhase::restore_means(const Image& image) {
+  const std::vector<GasMeans::Sum> sums = means_.sums();
+  const auto counts = image.accumulators.find(counts_name);
+  const bool has_all = std::all_of(sums.begin(), sums.end(),
+                                   [&](const GasMeans::Sum& sum) { return look_for(image, sum.name) != nullptr; });
+  if (counts == image.accumulators.end() || !has_all) return;
+  means_.restore(counts->second);
+  for (const GasMeans::Sum& sum : sums)
+    put_grid(world_, {coupling_.share(), -1}, find(image, sum.name), coupling_.flow() ? sum.values : nullptr);
 }
 
 void GasPhase::each_part(const std::function<void(std::span<const std::uint64_t>)>& use) {

@@ -9,6 +9,7 @@
 
 #include "comm/world.hpp"
 #include "engine/coupling/coupling.hpp"
+#include "engine/run/gas_probes.hpp"
 #include "engine/run/grid_rows.hpp"
 #include "engine/run/image.hpp"
 #include "engine/run/plan.hpp"
@@ -32,6 +33,9 @@ class GasPhase {
   const GasTotals& totals() const { return totals_; }
   const CouplingReport& last() const { return last_; }
 
+  /// What probes look at, until the gas steps again.
+  GasView view();
+
   /// Appends all that the gas remembers, or (for snapshots) what is worth a look. All ranks.
   void gather_kept(Image& image);
   void gather_shown(Image& image);
@@ -49,6 +53,7 @@ class GasPhase {
     GridField<>* values = nullptr;
   };
   std::vector<Quantity> kept();
+  void restore_means(const Image& image);
   void gather(const std::string& name, const std::string& unit, int face_axis, const GridField<>* field,
               Image& image) const;
 
@@ -56,6 +61,7 @@ class GasPhase {
   double step_ = 0.0;  // [s] of the gas
   std::uint64_t grain_steps_ = 1;
   Coupling coupling_;
+  GasMeans means_;
   CouplingReport last_;
   GasTotals totals_;
 };

@@ -769,8 +769,18 @@ std::vector<double> Simulation::probe_row(std::size_t probe) {
   std::optional<EnergyLedger> ledger;
   if (p.scene.output.energy && wanted.kind == Probe::Kind::energy) ledger = p.energy();
   const CensusTaker all = p.full_census();
-  const ProbeView view{p.world,      p.scene, p.walls, p.particles, *p.contacts, p.dt, ledger ? &*ledger : nullptr,
-                       all.census(), p.time()};
+  std::optional<GasView> gas;
+  if (p.gas) gas.emplace(p.gas->view());
+  const ProbeView view{p.world,
+                       p.scene,
+                       p.walls,
+                       p.particles,
+                       *p.contacts,
+                       p.dt,
+                       ledger ? &*ledger : nullptr,
+                       all.census(),
+                       p.time(),
+                       gas ? &*gas : nullptr};
   return moraine::probe_row(view, wanted, p.probe_memory[probe]);
 }
 
