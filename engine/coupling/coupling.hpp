@@ -22,7 +22,8 @@ struct CouplingReport {
 
 class Coupling {
  public:
-  /// `world`: all ranks, which have grains; the first of them also have gas cells. All ranks of it make the same calls.
+  /// `world`: all ranks, which have grains; the first of them also have gas cells. All ranks of it make the same calls. Throws SceneError
+  /// on all of them where the boundaries of the gas cannot be.
   Coupling(const Scene& scene, const GasGrid& grid, const World& world, int n_threads);
   ~Coupling();
   Coupling(Coupling&&) noexcept;
@@ -36,8 +37,10 @@ class Coupling {
   GasFlow* flow();
   const GasGrid& grid() const;
   const GridShare& share() const;
-  /// [s] waited for messages of the gas, and spent on grains (deposit, drag) and on the gas.
+  /// [s] since the start: waited for messages between grains and cells; spent on grains (deposit, drag, with those messages); on the gas.
   double waited() const;
+  double seconds_on_grains() const;
+  double seconds_on_gas() const;
   std::size_t memory() const;  // [bytes]
 
  private:
