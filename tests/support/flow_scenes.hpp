@@ -288,6 +288,15 @@ inline Scene conveyed() {
   return s;
 }
 
+/// The same bed in cells smaller than its grains, enough of them for two ranks to share them.
+inline Scene finely_resolved() {
+  Scene s = fluidised_bed();
+  s.gas->cells = {24, 12, 60};
+  s.gas->weights = GasWeights::smoothed;
+  s.gas->smoothing = d;
+  return s;
+}
+
 /// A jet through a flat bed, one cell deep.
 inline Scene flat_jet() {
   Scene s = basic();
@@ -332,6 +341,7 @@ inline std::vector<Named> all() {
           {"flat", flat(), 4000},
           {"mirrored", mirrored(), 3000},
           {"fluidised bed", fluidised_bed(), 2500},
+          {"finely resolved", finely_resolved(), 750},
           {"conveyed", conveyed(), 2500},
           {"flat jet", flat_jet(), 3000}};
 }
