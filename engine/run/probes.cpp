@@ -216,6 +216,11 @@ std::vector<std::string> probe_columns(const Scene& scene, const Probe& probe) {
       }
       return names;
     }
+    case Probe::Kind::pressure:
+    case Probe::Kind::pressure_drop:
+    case Probe::Kind::bed_height:
+    case Probe::Kind::gas_profile:
+    case Probe::Kind::gas_mean: return gas_probe_columns(scene, probe);
   }
   return names;
 }
@@ -229,6 +234,14 @@ std::vector<double> probe_row(const ProbeView& view, const Probe& probe, std::ve
     case Probe::Kind::mass: return mass(view, last);
     case Probe::Kind::profile: return profile(view, probe);
     case Probe::Kind::contacts: return contacts(view);
+    case Probe::Kind::pressure:
+    case Probe::Kind::pressure_drop:
+    case Probe::Kind::bed_height:
+    case Probe::Kind::gas_profile:
+    case Probe::Kind::gas_mean: {
+      const auto number = static_cast<std::size_t>(&probe - view.scene.output.probes.data());
+      return gas_probe_row(view.world, view.scene, probe, number, view.particles, view.gas, view.time, last);
+    }
   }
   return {};
 }

@@ -6,6 +6,7 @@
 
 #include "comm/world.hpp"
 #include "engine/run/census.hpp"
+#include "engine/run/gas_probes.hpp"
 #include "engine/run/ledger.hpp"
 #include "engine/scene/scene.hpp"
 #include "engine/walls/walls.hpp"
@@ -22,7 +23,8 @@ struct ProbeView {
   double dt = 0.0;             // [s]
   const EnergyLedger* energy;  // nullptr where the scene keeps none
   Census census;
-  double time = 0.0;  // [s]
+  double time = 0.0;             // [s]
+  const GasView* gas = nullptr;  // nullptr where the scene has none
 };
 
 /// Column names with units, the time not among them.

@@ -157,7 +157,7 @@ void check_that_pairs_are_complete(const Scene& scene, const Uses& uses, Finding
 }  // namespace
 
 void check_materials(const Scene& scene, Findings& found) {
-  if (scene.materials.empty())
+  if (scene.materials.empty() && !scene.gas)
     found.error("material", "missing: a scene needs at least one [[material]] with name and density");
   if (scene.materials.size() > 65535)
     found.error("material", "{} materials; at most 65535 are possible", scene.materials.size());

@@ -1,6 +1,5 @@
 // Walls, outlets and probes.
 #include <algorithm>
-#include <string_view>
 
 #include "engine/scene/checks.hpp"
 
@@ -82,17 +81,6 @@ void check_shape(const MeshShape& shape, const std::string& key, const Domain& d
                   text(extent), text(domain.box()));
 }
 
-constexpr std::string_view face_name(int face) {
-  constexpr std::array<std::string_view, 6> names = {"x-low", "x-high", "y-low", "y-high", "z-low", "z-high"};
-  return names[static_cast<std::size_t>(face)];
-}
-
-constexpr std::string_view kind_name(Probe::Kind kind) {
-  constexpr std::array<std::string_view, 7> names = {"energy", "wall_force", "wall_pressure", "region",
-                                                     "mass",   "profile",    "contacts"};
-  return names[static_cast<std::size_t>(kind)];
-}
-
 /// Index of the first thing of the same name before i, or i.
 template <class Things>
 std::size_t first_named_like(const Things& things, std::size_t i) {
@@ -119,7 +107,7 @@ void check_probe_kind(const Scene& scene, const Probe& probe, const std::string&
     for (const WallDefinition& wall : scene.walls) names.push_back(wall.name);
     if (std::find(names.begin(), names.end(), probe.wall) == names.end()) {
       if (probe.wall.empty())
-        found.error(key + ".wall", "missing: kind = \"{}\" needs the name of a wall; walls: {}", kind_name(probe.kind),
+        found.error(key + ".wall", "missing: kind = \"{}\" needs the name of a wall; walls: {}", name_of(probe.kind),
                     listing(names));
       else
         found.error(key + ".wall", "\"{}\" is not a wall{}; walls: {}", probe.wall, nearest(probe.wall, names),
@@ -129,12 +117,65 @@ void check_probe_kind(const Scene& scene, const Probe& probe, const std::string&
   if (has_bins && probe.bins < 1) found.error(key + ".bins", "is {}; expected 1 or more", probe.bins);
   if (has_bins && (probe.axis < 0 || probe.axis > 2))
     found.error(key + ".axis", "is {}; expected x, y or z (0, 1 or 2)", probe.axis);
-  if ((probe.kind == Kind::region || probe.kind == Kind::profile) && found.box(key + ".region", probe.region) &&
-      is_usable(scene.domain) && !meets(probe.region, scene.domain.box()))
+  const bool has_region = probe.kind == Kind::region || probe.kind == Kind::profile || probe.kind == Kind::gas_profile;
+  if (has_region && found.box(key + ".region", probe.region) && is_usable(scene.domain) &&
+      !meets(probe.region, scene.domain.box()))
     found.error(key + ".region", "reaches from {} m, nowhere inside the domain, {} m", text(probe.region),
                 text(scene.domain.box()));
   if (probe.kind == Kind::energy && !scene.output.energy)
     found.error(key + ".kind", "\"energy\" needs the ledger: set output.energy = true");
+}
+
+void check_points(const Scene& scene, const Probe& probe, const std::string& key, Findings& found) {
+  if (probe.points.empty()) found.error(key + ".points", "missing: kind = \"pressure\" needs at least one point [m]");
+  const Box domain = scene.domain.box();
+  for (std::size_t i = 0; i < probe.points.size(); ++i) {
+    const Vec3 p = probe.points[i];
+    const std::string name = fmt::format("{}.points[{}]", key, i);
+    if (!found.finite(name, p, "m") || !is_usable(scene.domain)) continue;
+    for (int axis = 0; axis < 3; ++axis) {
+      if (p[axis] >= domain.low[axis] && p[axis] <= domain.high[axis]) continue;
+      found.error(name, "is {} m, outside the domain, {} m", text(p), text(domain));
+      break;
+    }
+  }
+}
+
+void check_pressure_drop(const Scene& scene, const Probe& probe, const std::string& key, Findings& found) {
+  const Domain& domain = scene.domain;
+  if (!probe.between) {
+    if (domain.periodic[static_cast<std::size_t>(probe.axis)])
+      found.error(key + ".between", "missing: the domain is periodic along {}, so that it has no faces there",
+                  axis_names[probe.axis]);
+    return;
+  }
+  const auto [low, high] = *probe.between;
+  if (!found.finite(key + ".between[0]", low, "m") || !found.finite(key + ".between[1]", high, "m")) return;
+  if (!(low < high)) found.error(key + ".between[1]", "is {}; expected more than between[0] = {} [m]", high, low);
+  if (is_usable(domain) && (low < domain.low[probe.axis] || high > domain.high[probe.axis]))
+    found.error(key + ".between", "reaches from {} to {} m, beyond the domain, {} to {} m along {}", low, high,
+                domain.low[probe.axis], domain.high[probe.axis], axis_names[probe.axis]);
+}
+
+/// Of the kinds that look at the gas, or at what it does to a bed.
+void check_gas_probe(const Scene& scene, const Probe& probe, const std::string& key, Findings& found) {
+  using Kind = Probe::Kind;
+  if (needs_gas(probe.kind) && !scene.gas)
+    found.error(key + ".kind", "\"{}\" looks at the gas, but the scene has none; add [gas]", name_of(probe.kind));
+  const bool has_axis =
+      probe.kind == Kind::pressure_drop || probe.kind == Kind::bed_height || probe.kind == Kind::gas_profile;
+  if (has_axis && (probe.axis < 0 || probe.axis > 2)) {
+    found.error(key + ".axis", "is {}; expected x, y or z (0, 1 or 2)", probe.axis);
+    return;
+  }
+  if (has_axis && probe.axis == 2 && scene.domain.dimensions == 2)
+    found.error(key + ".axis", "is \"z\", along which nothing happens in two dimensions; expected \"x\" or \"y\"");
+  if (probe.kind == Kind::pressure) check_points(scene, probe, key, found);
+  if (probe.kind == Kind::pressure_drop) check_pressure_drop(scene, probe, key, found);
+  if (probe.kind == Kind::bed_height && !(probe.share > 0.0 && probe.share <= 1.0))
+    found.error(key + ".share", "is {}; expected more than 0 and at most 1", probe.share);
+  if (probe.kind == Kind::gas_profile || probe.kind == Kind::gas_mean)
+    found.not_negative(key + ".from", probe.from, "s");
 }
 
 }  // namespace
@@ -189,6 +230,7 @@ void check_probes(const Scene& scene, Findings& found) {
       found.error(key + ".name", "\"{}\" cannot be the name of a file; leave out slashes", probes[i].name);
     found.positive(key + ".interval", probes[i].interval, "s");
     check_probe_kind(scene, probes[i], key, found);
+    check_gas_probe(scene, probes[i], key, found);
   }
 }
 

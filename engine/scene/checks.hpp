@@ -72,6 +72,9 @@ std::string listing(const std::vector<std::string>& names, std::size_t most = 8)
 /// The known name nearest to one that is not known, as " (did you mean ...?)"; empty where none is near.
 std::string nearest(const std::string& name, const std::vector<std::string>& known);
 
+/// "y-low" of 2.
+const char* face_name(int face);
+
 /// Smallest and largest diameter that a group can give [m]; zeros where it says nothing usable.
 std::pair<double, double> diameter_range(const ParticleGroup& group);
 
@@ -80,6 +83,7 @@ void check_contact(const Scene& scene, Findings& found);
 void check_particles(const Scene& scene, Findings& found);
 void check_walls(const Scene& scene, Findings& found);
 void check_outlets(const Scene& scene, Findings& found);
+void check_gas(const Scene& scene, Findings& found);
 void check_probes(const Scene& scene, Findings& found);
 
 /// A sphere listed in a scene, for the search for overlaps.

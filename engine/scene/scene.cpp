@@ -8,6 +8,17 @@ int Scene::material_index(const std::string& name) const {
   return -1;
 }
 
+const char* name_of(Probe::Kind kind) {
+  constexpr std::array names = {"energy",   "wall_force", "wall_pressure", "region",     "mass",        "profile",
+                                "contacts", "pressure",   "pressure_drop", "bed_height", "gas_profile", "gas_mean"};
+  return names[static_cast<std::size_t>(kind)];
+}
+
+bool needs_gas(Probe::Kind kind) {
+  return kind == Probe::Kind::pressure || kind == Probe::Kind::pressure_drop || kind == Probe::Kind::gas_profile ||
+         kind == Probe::Kind::gas_mean;
+}
+
 const PairLaw* Scene::pair_law(const std::string& a, const std::string& b) const {
   for (const PairLaw& pair : contact.pairs) {
     const auto& [first, second] = pair.between;

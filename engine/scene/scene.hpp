@@ -261,6 +261,11 @@ struct Probe {
     mass,           // born, inside, left: counts and masses, and the mass flow through the outlets
     profile,        // solid fraction and mean velocity in `bins` slices of `region` along `axis`
     contacts,       // number of contacts, mean and maximum overlap relative to the radius
+    pressure,       // of the gas at `points`
+    pressure_drop,  // of the gas along `axis`, between two planes
+    bed_height,     // height along `axis` below which `share` of the grains' mass lies, and their mean height
+    gas_profile,    // averages over time since `from` in the layers of cells of `region` along `axis`
+    gas_mean,       // averages over time since `from` in every cell, kept with snapshots and checkpoints
   };
   Kind kind = Kind::energy;
   std::string name;
@@ -268,8 +273,16 @@ struct Probe {
   Box region;  // [m]
   int axis = 2;
   int bins = 1;
-  double interval = 0.0;  // [s]
+  double interval = 0.0;                         // [s]
+  std::vector<Vec3> points;                      // [m]
+  std::optional<std::array<double, 2>> between;  // [m] along the axis; none: the faces of the domain
+  double share = 0.95;                           // [-]
+  double from = 0.0;                             // [s]
 };
+/// As a scene file has it: "wall_force".
+const char* name_of(Probe::Kind kind);
+/// True where the probe looks at the gas.
+bool needs_gas(Probe::Kind kind);
 
 struct Output {
   std::string directory;             // empty: runs/NAME of the scene file

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <array>
 #include <numeric>
 
 #include "engine/particles/fields.hpp"
@@ -40,6 +41,11 @@ bool is_usable(const Domain& domain) {
 
 std::string text(Vec3 v) { return fmt::format("[{:.6g}, {:.6g}, {:.6g}]", v.x, v.y, v.z); }
 std::string text(const Box& box) { return text(box.low) + " to " + text(box.high); }
+
+const char* face_name(int face) {
+  constexpr std::array names = {"x-low", "x-high", "y-low", "y-high", "z-low", "z-high"};
+  return names[static_cast<std::size_t>(face)];
+}
 
 std::string listing(const std::vector<std::string>& names, std::size_t most) {
   std::string all;
@@ -161,6 +167,8 @@ void check_output(const Scene& scene, Findings& found) {
       found.error(key, "\"{}\" does not exist in a scene with contact.rotation = false", output.fields[i]);
     else if (info(*field).need == Need::energy && !output.energy)
       found.error(key, "\"{}\" exists only with output.energy = true", output.fields[i]);
+    else if (info(*field).need == Need::gas && !(scene.gas && scene.gas->drag))
+      found.error(key, "\"{}\" exists only in a scene with [gas] and a drag law", output.fields[i]);
   }
 }
 
@@ -202,6 +210,7 @@ std::vector<Problem> validate(const Scene& scene, const World& world) {
   checks::check_particles(scene, found);
   checks::check_walls(scene, found);
   checks::check_outlets(scene, found);
+  checks::check_gas(scene, found);
   checks::check_that_something_holds_the_grains(scene, found);
   checks::check_output(scene, found);
   checks::check_probes(scene, found);

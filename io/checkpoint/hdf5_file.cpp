@@ -112,6 +112,11 @@ hid_t type_in_memory(FieldType type) {
   }
 }
 
+std::vector<hsize_t> grid_shape(const std::array<int, 3>& grid) {
+  return {static_cast<hsize_t>(grid[2]), static_cast<hsize_t>(grid[1]), static_cast<hsize_t>(grid[0])};
+}
+
+/// Of rows as they lie in memory, or in a file that has them as a list.
 std::vector<hsize_t> shape_of(const ColumnForm& form, std::uint64_t n_rows) {
   std::vector<hsize_t> shape{n_rows};
   if (form.components > 1) shape.push_back(static_cast<hsize_t>(form.components));
@@ -122,9 +127,28 @@ Id simple_space(const std::vector<hsize_t>& shape) {
   return {H5Screate_simple(static_cast<int>(shape.size()), shape.data(), nullptr), &H5Sclose};
 }
 
+/// Selects consecutive values of a grid: the rest of a line, lines, planes, lines, and the start of a line.
+bool select_values(hid_t space, const std::vector<hsize_t>& shape, hsize_t first, hsize_t n) {
+  const hsize_t line = shape[2], plane = shape[1] * shape[2];
+  for (H5S_seloper_t how = H5S_SELECT_SET; n > 0; how = H5S_SELECT_OR) {
+    const hsize_t start[3] = {first / plane, first % plane / line, first % line};
+    hsize_t count[3] = {1, 1, std::min(n, line - start[2])};
+    if (first % line == 0 && n >= line) {
+      count[2] = line;
+      count[1] = std::min(n / line, shape[1] - start[1]);
+      if (first % plane == 0 && n >= plane) count[0] = n / plane;
+    }
+    if (H5Sselect_hyperslab(space, how, start, nullptr, count, nullptr) < 0) return false;
+    first += count[0] * count[1] * count[2];
+    n -= count[0] * count[1] * count[2];
+  }
+  return true;
+}
+
 /// Selects rows of a column; none for n = 0.
 bool select_rows(hid_t space, const ColumnForm& form, std::uint64_t first, std::uint64_t n) {
   if (n == 0) return H5Sselect_none(space) >= 0;
+  if (form.is_grid()) return select_values(space, grid_shape(form.grid), first, n);
   const hsize_t start[2] = {first, 0}, count[2] = {n, static_cast<hsize_t>(form.components)};
   return H5Sselect_hyperslab(space, H5S_SELECT_SET, start, nullptr, count, nullptr) >= 0;
 }
@@ -293,12 +317,30 @@ void Hdf5Writer::attribute(const std::string& name, const std::array<double, 3>&
   file_->write_attribute(file_->id, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, value.data());
 }
 
+void Hdf5Writer::attribute_of(const std::string& group, const std::string& name, const std::array<double, 3>& value) {
+  file_->make_groups(group + "/");
+  const Id opened(H5Gopen2(file_->id, group.c_str(), H5P_DEFAULT), &H5Gclose);
+  file_->check(opened >= 0, group);
+  file_->write_attribute(opened, name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, 3, value.data());
+}
+
 void Hdf5Writer::column(const ColumnForm& form, std::uint64_t n_rows) {
-  const Id space = simple_space(shape_of(form, n_rows));
+  const Id space = simple_space(form.is_grid() ? grid_shape(form.grid) : shape_of(form, n_rows));
   Id set = file_->make_plain_dataset(form.name, type_in_file(form.type), space);
   if (n_rows > 0) file_->add_part(form.name, set, {});
   file_->finish_column(form, std::move(set));
 }
+
+namespace {
+
+/// The library would take a percent sign in the name of a file or dataset elsewhere for a place holder.
+std::string without_place_holders(const std::string& text) {
+  std::string name;
+  for (const char c : text) name += c == '%' ? std::string("%%") : std::string(1, c);
+  return name;
+}
+
+}  // namespace
 
 void Hdf5Writer::column_of_files(const ColumnForm& form, const std::vector<std::string>& files,
                                  const std::vector<std::uint64_t>& rows) {
@@ -310,16 +352,16 @@ void Hdf5Writer::column_of_files(const ColumnForm& form, const std::vector<std::
   const std::uint64_t no_index = ~std::uint64_t{0};
   const void* fill = form.type == FieldType::real ? static_cast<const void*>(&no_number) : &no_index;
   file_->check(H5Pset_fill_value(creation, type_in_memory(form.type), fill) >= 0, form.name);
-  const Id space = simple_space(shape_of(form, n_rows));
+  const Id space = simple_space(form.is_grid() ? grid_shape(form.grid) : shape_of(form, n_rows));
+  const std::string set_name = without_place_holders(form.name);
   std::uint64_t first = 0;
   for (std::size_t i = 0; i < files.size(); first += rows[i++]) {
     if (rows[i] == 0) continue;
-    std::string name;  // the library would take a percent sign for a place holder
-    for (const char c : files[i]) name += c == '%' ? std::string("%%") : std::string(1, c);
     const Id rows_there = simple_space(shape_of(form, rows[i]));
-    file_->check(select_rows(space, form, first, rows[i]) &&
-                     H5Pset_virtual(creation, space, name.c_str(), form.name.c_str(), rows_there) >= 0,
-                 form.name);
+    file_->check(
+        select_rows(space, form, first, rows[i]) &&
+            H5Pset_virtual(creation, space, without_place_holders(files[i]).c_str(), set_name.c_str(), rows_there) >= 0,
+        form.name);
   }
   H5Sselect_all(space);
   file_->finish_column(form, file_->make_dataset(form.name, type_in_file(form.type), space, creation));
@@ -471,10 +513,30 @@ struct Hdf5Reader::File {
   }
 
   void read_attribute(const std::string& name, hid_t type, hssize_t n, void* to) const {
-    const Id attribute = open_attribute(name);
+    read_value(open_attribute(name), name, type, n, to);
+  }
+
+  void read_value(hid_t attribute, const std::string& name, hid_t type, hssize_t n, void* to) const {
     const Id space(H5Aget_space(attribute), &H5Sclose);
     if (H5Sget_simple_extent_npoints(space) != n || H5Aread(attribute, type, to) < 0)
       fail("attribute '" + name + "' is not of the expected form");
+  }
+
+  std::string text_of(const Id& attribute, const std::string& name) const {
+    const Id type(H5Aget_type(attribute), &H5Tclose);
+    if (H5Tget_class(type) != H5T_STRING) fail("attribute '" + name + "' is not a text");
+    if (H5Tis_variable_str(type) > 0) {
+      char* text = nullptr;
+      read_value(attribute, name, type, 1, &text);
+      const std::string value = text == nullptr ? "" : text;
+      H5free_memory(text);
+      return value;
+    }
+    std::string value(H5Tget_size(type), '\0');
+    const Id memory = string_type(value.size());
+    read_value(attribute, name, memory, 1, value.data());
+    while (!value.empty() && value.back() == '\0') value.pop_back();
+    return value;
   }
 
   /// Opens a dataset and checks its form; returns its number of rows.
@@ -486,17 +548,34 @@ struct Hdf5Reader::File {
     Id set(H5Dopen2(id, name.c_str(), H5P_DEFAULT), &H5Dclose);
     if (set < 0) fail("dataset '" + name + "' cannot be opened: " + hdf5_reason());
     const Id space(H5Dget_space(set), &H5Sclose);
+    check_type(set, form);
+    if (form.is_grid()) {
+      if (grid_in(space) != form.grid) fail("dataset '" + name + "' has another shape than expected");
+      return {std::move(set), static_cast<std::uint64_t>(H5Sget_simple_extent_npoints(space))};
+    }
     hsize_t shape[2] = {0, 1};
     const int rank = H5Sget_simple_extent_ndims(space);
     if (rank < 1 || rank > 2 || H5Sget_simple_extent_dims(space, shape, nullptr) < 0 ||
         (rank == 2 ? shape[1] : 1) != static_cast<hsize_t>(form.components))
       fail("dataset '" + name + "' has another shape than (n" +
            (form.components > 1 ? ", " + std::to_string(form.components) : "") + ")");
+    return {std::move(set), shape[0]};
+  }
+
+  void check_type(hid_t set, const ColumnForm& form) const {
     const Id stored(H5Dget_type(set), &H5Tclose);
     const H5T_class_t expected = form.type == FieldType::real ? H5T_FLOAT : H5T_INTEGER;
     if (H5Tget_class(stored) != expected || (expected == H5T_INTEGER && H5Tget_size(stored) > size_of(form.type)))
-      fail("dataset '" + name + "' has another type of numbers than expected");
-    return {std::move(set), shape[0]};
+      fail("dataset '" + form.name + "' has another type of numbers than expected");
+  }
+
+  /// Values along x, y, z; zeros where a dataset is no grid.
+  static std::array<int, 3> grid_in(hid_t space) {
+    hsize_t shape[3] = {0, 0, 0};
+    if (H5Sget_simple_extent_ndims(space) != 3 || H5Sget_simple_extent_dims(space, shape, nullptr) < 0) return {};
+    for (const hsize_t n : shape)
+      if (n > static_cast<hsize_t>(std::numeric_limits<int>::max())) return {};
+    return {static_cast<int>(shape[2]), static_cast<int>(shape[1]), static_cast<int>(shape[0])};
   }
 
   void read_rows(hid_t set, const ColumnForm& form, RowRange range, void* to) const {
@@ -592,6 +671,21 @@ std::vector<std::string> Hdf5Reader::children(const std::string& group) const {
   return names;
 }
 
+std::array<int, 3> Hdf5Reader::grid_of(const std::string& name) const {
+  const Id set(exists(name) ? H5Dopen2(file_->id, name.c_str(), H5P_DEFAULT) : H5I_INVALID_HID, &H5Dclose);
+  if (set < 0) file_->fail("has no dataset '" + name + "'");
+  const Id space(H5Dget_space(set), &H5Sclose);
+  const std::array<int, 3> grid = File::grid_in(space);
+  if (grid[0] < 1 || grid[1] < 1 || grid[2] < 1) file_->fail("dataset '" + name + "' has another shape than (z, y, x)");
+  return grid;
+}
+
+std::string Hdf5Reader::unit_of(const std::string& name) const {
+  const Id set(exists(name) ? H5Dopen2(file_->id, name.c_str(), H5P_DEFAULT) : H5I_INVALID_HID, &H5Dclose);
+  if (set < 0 || H5Aexists(set, "unit") <= 0) return {};
+  return file_->text_of(Id(H5Aopen(set, "unit", H5P_DEFAULT), &H5Aclose), "unit");
+}
+
 std::uint64_t Hdf5Reader::n_rows(const ColumnForm& form) const { return file_->open_column(form).second; }
 
 void Hdf5Reader::read(const ColumnForm& form, RowRange range, void* to) const {
@@ -632,21 +726,7 @@ std::string Hdf5Reader::text(const std::string& name) const {
 }
 
 std::string Hdf5Reader::text_attribute(const std::string& name) const {
-  const Id attribute = file_->open_attribute(name);
-  const Id type(H5Aget_type(attribute), &H5Tclose);
-  if (H5Tget_class(type) != H5T_STRING) file_->fail("attribute '" + name + "' is not a text");
-  if (H5Tis_variable_str(type) > 0) {
-    char* text = nullptr;
-    file_->read_attribute(name, type, 1, &text);
-    const std::string value = text == nullptr ? "" : text;
-    H5free_memory(text);
-    return value;
-  }
-  std::string value(H5Tget_size(type), '\0');
-  const Id memory = string_type(value.size());
-  file_->read_attribute(name, memory, 1, value.data());
-  while (!value.empty() && value.back() == '\0') value.pop_back();
-  return value;
+  return file_->text_of(file_->open_attribute(name), name);
 }
 
 double Hdf5Reader::real_attribute(const std::string& name) const {

@@ -29,6 +29,8 @@ struct ColumnForm {
   FieldType type = FieldType::real;
   int components = 1;
   std::string unit;
+  std::array<int, 3> grid{};  // values along x, y, z: the dataset has shape (z, y, x), its rows are values, x fastest
+  bool is_grid() const { return grid[0] > 0; }
   std::size_t row_bytes() const { return static_cast<std::size_t>(components) * size_of(type); }
 };
 
@@ -77,6 +79,8 @@ class Hdf5Writer {
   void attribute(const std::string& name, double value);
   void attribute(const std::string& name, std::uint64_t value);
   void attribute(const std::string& name, const std::array<double, 3>& value);
+  /// Of a group, which is made.
+  void attribute_of(const std::string& group, const std::string& name, const std::array<double, 3>& value);
 
   /// Room for a column, to be filled by write_tables().
   void column(const ColumnForm& form, std::uint64_t n_rows);
@@ -132,6 +136,10 @@ class Hdf5Reader {
   /// Names of what a group holds, in order of name; empty where there is no such group.
   std::vector<std::string> children(const std::string& group) const;
 
+  /// Values along x, y, z of a dataset of three dimensions.
+  std::array<int, 3> grid_of(const std::string& name) const;
+  /// The attribute "unit" of a dataset; empty where it has none.
+  std::string unit_of(const std::string& name) const;
   std::uint64_t n_rows(const ColumnForm& form) const;
   /// Rows one after the other into `to`, which has room for them.
   void read(const ColumnForm& form, RowRange range, void* to) const;

@@ -140,6 +140,14 @@ Table table_of_walls(const Image& image, const World& world) {
   return table;
 }
 
+/// One of its own for each quantity: they may have different numbers of values.
+Table table_of_grid(const GridArray& array) {
+  const ColumnForm form{gas_dataset(array), FieldType::real, 1, array.unit, array.n};
+  return {array.values.size(), {{form, [&array](std::size_t first, std::size_t, std::byte*) {
+                                   return static_cast<const void*>(array.values.data() + first);
+                                 }}}};
+}
+
 /// Everything that is written, and how it is shared between the ranks.
 struct Content {
   const Image* image;
@@ -154,7 +162,14 @@ Content content_of(const Image& image, const RunRecord* record, const World& wor
     content.tables.push_back(table_of_pairs(image, world));
     content.tables.push_back(table_of_walls(image, world));
   }
+  const std::size_t first_grid = content.tables.size();
+  for (const GridArray& array : image.grids) content.tables.push_back(table_of_grid(array));
   content.spread = spread_of(content.tables, world);
+  for (std::size_t i = 0; i < image.grids.size(); ++i) {
+    const std::array<int, 3>& n = image.grids[i].n;
+    if (content.spread[first_grid + i].total() != static_cast<std::uint64_t>(std::int64_t{n[0]} * n[1] * n[2]))
+      throw std::logic_error(image.grids[i].name + " of an image has another number of values than its grid");
+  }
   if (!image.fields.empty() && content.spread[0].total() != image.n_grains)
     throw std::logic_error("the fields of an image have other lengths than its grains");
   return content;
@@ -211,6 +226,12 @@ void write_frame(Hdf5Writer& file, const Image& image, const std::string& kind, 
                                                    double(image.periodic[2])});
   file.attribute("grains", image.n_grains);
   file.attribute("state_hash", image.hash.text());
+  if (image.grids.empty()) return;
+  const std::array<int, 3> cells = gas_cells(image);
+  const Vec3 size = image.domain.size();
+  file.attribute_of("gas", "cells", {double(cells[0]), double(cells[1]), double(cells[2])});
+  file.attribute_of("gas", "low", as_array(image.domain.low));
+  file.attribute_of("gas", "spacing", {size.x / cells[0], size.y / cells[1], size.z / cells[2]});
 }
 
 /// What is the same on all ranks besides the frame.
@@ -307,6 +328,8 @@ RankFile write_rank_file(const fs::path& path, const Content& content, const Wor
   agree(world, path, [&] {
     Content own = content;
     own.spread = spread_of(own.tables, World());
+    for (Table& table : own.tables)  // a part of a grid is a list
+      for (Column& column : table.columns) column.form.grid = {};
     seal = write_sealed(
         temporary_name(draft), draft, rank_file_kind, own, [](Hdf5Writer&) {}, World());
   });
@@ -383,7 +406,31 @@ void read_entries(const Hdf5Reader& file, const ColumnForm& form, RowRange range
   });
 }
 
+/// Quantities of the gas, this rank's equal share of the values of each.
+std::vector<GridArray> read_grids(const Hdf5Reader& file, const World& world) {
+  std::vector<GridArray> grids;
+  for (const std::string& name : file.children("gas")) {
+    GridArray array{decoded(name), file.unit_of("gas/" + name), file.grid_of("gas/" + name), {}};
+    const ColumnForm form{"gas/" + name, FieldType::real, 1, array.unit, array.n};
+    const RowRange range = share_of(file.n_rows(form), world);
+    array.values.resize(range.n);
+    file.read(form, range, array.values.data());
+    grids.push_back(std::move(array));
+  }
+  return grids;
+}
+
 }  // namespace
+
+std::string gas_dataset(const GridArray& array) { return "gas/" + encoded(array.name); }
+
+std::array<int, 3> gas_cells(const Image& image) {
+  if (image.grids.empty()) return {};
+  std::array<int, 3> cells = image.grids[0].n;
+  for (const GridArray& array : image.grids)
+    for (std::size_t axis = 0; axis < 3; ++axis) cells[axis] = std::min(cells[axis], array.n[axis]);
+  return cells;
+}
 
 void write_image(const fs::path& path, const Image& image, const RunRecord* record, const World& world,
                  bool distributed) {
@@ -427,6 +474,7 @@ Image read_grains(const Hdf5Reader& file, const World& world, std::vector<std::s
   const RowRange range = share_of(image.n_grains, world);
   for (const FieldInfo& row : field_table)
     if (file.exists(form_of(row).name)) image.fields.push_back(read_field(file, row, image.n_grains, range));
+  image.grids = read_grids(file, world);
   return image;
 }
 

@@ -8,6 +8,7 @@
 #include "engine/particles/fill.hpp"
 #include "engine/run/simulation.hpp"
 #include "engine/walls/walls.hpp"
+#include "io/cli/gas_text.hpp"
 #include "io/cli/layout.hpp"
 #include "io/cli/text.hpp"
 #include "io/scene_toml/scene_toml.hpp"
@@ -162,6 +163,7 @@ std::string check_text(const std::filesystem::path& scene_file, const std::vecto
   for (std::size_t i = 0; i < scene.walls.size(); ++i)
     text += row(i == 0 ? "walls" : "", wall_text(scene.walls[i])) + mesh_rows(scene.walls[i]);
   text += time_rows(scene, plan);
+  text += list_rows("gas", gas_lines(scene, plan.time_step.step, plan.gas_steps));
   text += list_rows("kernels", plan.chosen);
   text += list_rows("left out", plan.left_out);
   text += row("skin", fmt::format("{:.6g} m", plan.skin));

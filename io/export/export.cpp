@@ -36,7 +36,7 @@ std::string export_run(const ExportRequest& request) {
   style.field = request.field;
   make_directory(out);
 
-  std::vector<std::pair<double, std::string>> written;
+  std::vector<std::pair<double, std::string>> written, gas;
   for (const fs::path& file : frames.files) {
     const Image image = read_image_file(file).image;
     const std::string stem = "grains_" + frame_label(file);
@@ -49,11 +49,18 @@ std::string export_run(const ExportRequest& request) {
                                             : request.kind == ExportKind::csv
                                                 ? csv_text(image)
                                                 : povray_text(image, scene ? &*scene : nullptr, style));
+    if (request.kind != ExportKind::vtk || image.grids.empty()) continue;
+    gas.emplace_back(image.time, "gas_" + frame_label(file) + ".vti");
+    write_file(out / gas.back().second, vti_text(image));
   }
   std::string text = fmt::format("{} {} in {}", written.size(), written.size() == 1 ? "file" : "files", out.string());
   if (request.kind == ExportKind::vtk) {
     write_file(out / "grains.pvd", pvd_text(written));
     text += fmt::format("; ParaView opens {}", (out / "grains.pvd").string());
+    if (!gas.empty()) {
+      write_file(out / "gas.pvd", pvd_text(gas));
+      text += fmt::format(" and {}", (out / "gas.pvd").string());
+    }
   }
   if (request.kind == ExportKind::csv) write_file(out / "times.csv", times_table(written));
   if (request.kind == ExportKind::povray) {

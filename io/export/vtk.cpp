@@ -2,10 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <cstring>
 #include <numeric>
 
+#include "io/checkpoint/image_file.hpp"
 #include "io/export/frames.hpp"
 
 namespace moraine {
@@ -49,7 +51,62 @@ std::string field_array(const FieldArray& array, Appended& data) {
   }
 }
 
+std::string time_value(const Image& image) {
+  return fmt::format(
+      "<FieldData>\n<DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" "
+      "format=\"ascii\">{}</DataArray>\n</FieldData>\n",
+      image.time);
+}
+
+std::string escaped(const std::string& text) {
+  std::string out;
+  for (const char c : text)
+    out += c == '&' ? "&amp;" : c == '<' ? "&lt;" : c == '>' ? "&gt;" : c == '"' ? "&quot;" : std::string(1, c);
+  return out;
+}
+
+/// Scalars, and vectors of three that follow each other.
+std::string cell_arrays(const std::vector<const GridArray*>& arrays, Appended& data) {
+  std::string text;
+  for (std::size_t i = 0; i < arrays.size(); ++i) {
+    const std::string& name = arrays[i]->name;
+    const std::string stem = name.ends_with("_x") ? name.substr(0, name.size() - 2) : std::string();
+    const bool is_vector = !stem.empty() && i + 2 < arrays.size() && arrays[i + 1]->name == stem + "_y" &&
+                           arrays[i + 2]->name == stem + "_z";
+    if (!is_vector) {
+      text += data_array("Float64", escaped(name), 1, data.add(arrays[i]->values));
+      continue;
+    }
+    std::vector<double> values;
+    for (std::size_t cell = 0; cell < arrays[i]->values.size(); ++cell)
+      for (std::size_t axis = 0; axis < 3; ++axis) values.push_back(arrays[i + axis]->values[cell]);
+    text += data_array("Float64", escaped(stem), 3, data.add(values));
+    i += 2;
+  }
+  return text;
+}
+
 }  // namespace
+
+std::string vti_text(const Image& image) {
+  if (image.grids.empty()) return {};
+  const std::array<int, 3> n = gas_cells(image);
+  std::vector<const GridArray*> arrays;
+  for (const GridArray& array : image.grids)
+    if (array.n == n) arrays.push_back(&array);
+  std::sort(arrays.begin(), arrays.end(), [](const GridArray* a, const GridArray* b) { return a->name < b->name; });
+  const Vec3 low = image.domain.low, size = image.domain.size();
+  const std::string extent = fmt::format("0 {} 0 {} 0 {}", n[0], n[1], n[2]);
+  Appended data;
+  std::string text =
+      "<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\" version=\"1.0\" byte_order=\"LittleEndian\" "
+      "header_type=\"UInt64\">\n";
+  text += fmt::format("<ImageData WholeExtent=\"{}\" Origin=\"{} {} {}\" Spacing=\"{} {} {}\">\n", extent, low.x, low.y,
+                      low.z, size.x / n[0], size.y / n[1], size.z / n[2]);
+  text += time_value(image) + fmt::format("<Piece Extent=\"{}\">\n<CellData>\n", extent) + cell_arrays(arrays, data);
+  return text + "</CellData>\n</Piece>\n</ImageData>\n<AppendedData encoding=\"raw\">\n_" + data.bytes() +
+         "\n</AppendedData>\n</VTKFile>\n";
+}
 
 std::string vtp_text(const Image& image) {
   const FieldArray* positions = image.find(Field::position);
@@ -58,10 +115,7 @@ std::string vtp_text(const Image& image) {
   std::string text =
       "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" "
       "header_type=\"UInt64\">\n<PolyData>\n";
-  text += fmt::format(
-      "<FieldData>\n<DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" "
-      "format=\"ascii\">{}</DataArray>\n</FieldData>\n",
-      image.time);
+  text += time_value(image);
   text += fmt::format(
       "<Piece NumberOfPoints=\"{0}\" NumberOfVerts=\"{0}\" NumberOfLines=\"0\" NumberOfStrips=\"0\" "
       "NumberOfPolys=\"0\">\n<PointData>\n",

@@ -1,4 +1,5 @@
-// Snapshots for the Visualization Toolkit: .vtp (XML PolyData, raw appended data) and a .pvd that strings them together in time.
+// Snapshots for the Visualization Toolkit: .vtp and .vti (XML PolyData and ImageData, raw appended data) and a .pvd
+// that strings them together in time.
 #pragma once
 
 #include <string>
@@ -11,6 +12,10 @@ namespace moraine {
 
 /// The content of a .vtp file: one vertex a grain, every field as point data.
 std::string vtp_text(const Image& image);
+
+/// The content of a .vti file: the cells of the gas with its quantities as cell data; NAME_x, NAME_y and NAME_z become
+/// a vector. Empty where the image has no gas.
+std::string vti_text(const Image& image);
 
 /// The content of a .pvd file: time [s] and file name of each frame.
 std::string pvd_text(const std::vector<std::pair<double, std::string>>& frames);

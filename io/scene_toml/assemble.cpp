@@ -34,6 +34,7 @@ class Assembler {
     for (std::size_t i = 0; i < draft_.particles.size(); ++i) add_particles(i);
     for (std::size_t i = 0; i < draft_.walls.size(); ++i) add_wall(i);
     for (std::size_t i = 0; i < draft_.outlets.size(); ++i) add_outlet(i);
+    if (draft_.gas) add_gas(*draft_.gas);
     for (std::size_t i = 0; i < draft_.probes.size(); ++i) add_probe(i);
     add_contact(pair_origin);
     return std::move(scene_);
@@ -291,11 +292,45 @@ class Assembler {
     scene_.outlets.push_back(std::move(outlet));
   }
 
+  void add_gas(const GasDraft& draft) {
+    Gas gas = draft.gas;
+    for (std::size_t i = 0; i < draft.boundaries.size(); ++i) {
+      const GasBoundaryDraft& entry = draft.boundaries[i];
+      const std::string path = fmt::format("gas.boundary[{}]", i);
+      refuse_stray_boundary_keys(entry.boundary, path);
+      // What lies on a face that was not read cannot be judged.
+      if (reader_.is_doubtful(path + ".face"))
+        for (const char* key : {".velocity", ".part"}) reader_.doubt(path + key);
+      gas.boundaries.push_back(entry.boundary);
+      if (entry.part) gas.boundaries.back().part = box(*entry.part);
+    }
+    const Node* table = reader_.root().find("gas");
+    if (!draft_.particles.empty() && table && !table->find("drag")) reader_.complain_missing_key("gas", "drag", "gas");
+    scene_.gas = std::move(gas);
+  }
+
+  /// Keys that do nothing with this kind of boundary would mislead whoever wrote them.
+  void refuse_stray_boundary_keys(const GasBoundary& boundary, const std::string& path) {
+    using Kind = GasBoundary::Kind;
+    if (reader_.is_doubtful(path + ".type")) return;
+    const Found found = follow(reader_.root(), parse_path(path));
+    const auto refuse = [&](const char* key, const char* why) {
+      if (found.node->find(key)) reader_.complain_about(path + "." + key, why);
+    };
+    const bool has_velocity = boundary.kind == Kind::velocity || boundary.kind == Kind::no_slip;
+    if (!has_velocity) {
+      refuse("velocity", "goes with type velocity and no_slip only");
+      refuse("ramp", "goes with type velocity and no_slip only");
+    }
+    if (boundary.kind != Kind::velocity) refuse("profile", "goes with type velocity only");
+    if (boundary.kind != Kind::pressure) refuse("pressure", "goes with type pressure only");
+  }
+
   void add_probe(std::size_t i) {
-    static constexpr std::array names = {"energy", "wall_force", "wall_pressure", "region",
-                                         "mass",   "profile",    "contacts"};
     Probe probe = draft_.probes[i].probe;
-    if (probe.name.empty()) probe.name = names[static_cast<std::size_t>(probe.kind)];
+    if (probe.name.empty()) probe.name = name_of(probe.kind);
+    for (Vec3& point : probe.points)
+      if (std::isnan(point.z) && scene_.domain.dimensions == 2) point.z = middle();
     probe.region = box(draft_.probes[i].region.value_or(BoxDraft{}));
     if (probe.kind == Probe::Kind::energy && !draft_.energy) scene_.output.energy = true;
     scene_.output.probes.push_back(std::move(probe));

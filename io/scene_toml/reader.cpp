@@ -83,6 +83,12 @@ constexpr std::pair<std::string_view, std::string_view> synonyms[] = {
     {"stl", "mesh"},
     {"snapshot_interval", "snapshots"},
     {"checkpoint_interval", "checkpoints"},
+    {"mu", "viscosity"},
+    {"kind", "type"},
+    {"type", "kind"},
+    {"grid", "cells"},
+    {"region", "part"},
+    {"box", "part"},
 };
 
 std::optional<std::string> suggestion(const std::string& name, const std::vector<std::string>& known) {
@@ -279,6 +285,35 @@ bool Reader::read(const At& at, const char*, std::array<bool, 3>& out) {
   bool is_good = true;
   for (std::size_t i = 0; i < 3; ++i)
     is_good = read(At{at.node.items[i], at.node.items[i].begin, &at, {}, i}, "", out[i]) && is_good;
+  return is_good;
+}
+
+bool Reader::read(const At& at, const char* unit, std::array<double, 2>& out) {
+  if (at.node.kind != Node::Kind::list || at.node.items.size() != 2) {
+    wrong_type(at, "[low, high], two numbers", unit);
+    return false;
+  }
+  bool is_good = true;
+  for (std::size_t i = 0; i < 2; ++i)
+    is_good = read(At{at.node.items[i], at.node.items[i].begin, &at, {}, i}, unit, out[i]) && is_good;
+  return is_good;
+}
+
+bool Reader::read(const At& at, const char* unit, std::vector<std::array<double, 2>>& out) {
+  const std::string expected = "a list of [time, factor], such as [[0, 0], [1, 1]]";
+  if (!expect_list(at, expected)) return false;
+  out.assign(at.node.items.size(), {});
+  bool is_good = true;
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const At item{at.node.items[i], at.node.items[i].begin, &at, {}, i};
+    if (item.node.kind != Node::Kind::list || item.node.items.size() != 2) {
+      complain(at, fmt::format("expected {}", expected));
+      return false;
+    }
+    for (std::size_t k = 0; k < 2; ++k)
+      is_good = read(At{item.node.items[k], item.node.items[k].begin, &item, {}, k}, k == 0 ? unit : "-", out[i][k]) &&
+                is_good;
+  }
   return is_good;
 }
 

@@ -76,8 +76,11 @@ class Reader {
   bool read(const At& at, const char* unit, std::string& out);
   bool read(const At& at, const char* unit, Vec3& out);
   bool read(const At& at, const char* unit, std::array<bool, 3>& out);
+  bool read(const At& at, const char* unit, std::array<double, 2>& out);
   bool read(const At& at, const char* unit, std::array<std::string, 2>& out);
   bool read(const At& at, const char* unit, std::vector<double>& out);
+  /// A curve: a list of [time, factor].
+  bool read(const At& at, const char* unit, std::vector<std::array<double, 2>>& out);
   bool read(const At& at, const char* unit, std::vector<std::string>& out);
   template <class V>
   bool read(const At& at, const char* unit, std::optional<V>& out) {

@@ -53,6 +53,14 @@ struct TypeName<std::array<std::string, 2>> {
   static constexpr const char* text = "two names";
 };
 template <>
+struct TypeName<std::array<double, 2>> {
+  static constexpr const char* text = "[low, high]";
+};
+template <>
+struct TypeName<std::vector<std::array<double, 2>>> {
+  static constexpr const char* text = "list of [time, factor]";
+};
+template <>
 struct TypeName<std::vector<double>> {
   static constexpr const char* text = "list of numbers";
 };
@@ -321,16 +329,20 @@ Key<FillDraft> lattice_key() {
           }};
 }
 
+/// True where the file says that the scene has two dimensions.
+bool is_flat(const Reader& reader) {
+  const Node* domain = reader.root().find("domain");
+  const Node* dimensions = domain ? domain->find("dimensions") : nullptr;
+  return dimensions && dimensions->kind == Node::Kind::integer && dimensions->integer == 2;
+}
+
 /// In two dimensions a place may be given by x and y; the grain then lies halfway through the domain.
 Key<FillDraft> positions_key() {
   return {{"", "positions", "list of [x, y, z]", "m", "none",
            "centres of the grains, one by one; in two dimensions [x, y] will do"},
           [](Reader& reader, const At& at, FillDraft& out) {
             out.positions.emplace();
-            const Node* domain = reader.root().find("domain");
-            const Node* dimensions = domain ? domain->find("dimensions") : nullptr;
-            const bool is_flat = dimensions && dimensions->kind == Node::Kind::integer && dimensions->integer == 2;
-            reader.read_points(at, *out.positions, std::numeric_limits<double>::quiet_NaN(), is_flat);
+            reader.read_points(at, *out.positions, std::numeric_limits<double>::quiet_NaN(), is_flat(reader));
           }};
 }
 
@@ -518,21 +530,141 @@ const KeyTable<WallDraft>& wall_keys() {
   return keys;
 }
 
+/// A face of the domain, by its number.
+template <class T, class V>
+Key<T> face(V T::*member, const char* meaning, Presence presence = optional_key) {
+  return {{"", "face", "\"x-low\", \"x-high\", \"y-low\", \"y-high\", \"z-low\" or \"z-high\"", "", "none", meaning,
+           presence == required_key},
+          [member](Reader& reader, const At& at, T& out) {
+            std::size_t index = 0;
+            if (reader.read_choice(at, {"x-low", "x-high", "y-low", "y-high", "z-low", "z-high"}, index))
+              out.*member = static_cast<int>(index);
+          }};
+}
+
 const KeyTable<OutletDraft>& outlet_keys() {
-  static const Key<OutletDraft> face{
-      {"", "face", "\"x-low\", \"x-high\", \"y-low\", \"y-high\", \"z-low\" or \"z-high\"", "", "none",
-       "a face of the domain: grains leave as their centre passes it"},
-      [](Reader& reader, const At& at, OutletDraft& out) {
-        std::size_t index = 0;
-        if (reader.read_choice(at, {"x-low", "x-high", "y-low", "y-high", "z-low", "z-high"}, index))
-          out.face = static_cast<int>(index);
-      }};
   static const KeyTable<OutletDraft> keys{{
       value("name", &OutletDraft::name, {"", "name"}, required_key),
-      face,
+      face(&OutletDraft::face, "a face of the domain: grains leave as their centre passes it"),
       table("box", &OutletDraft::box, box_keys(), "none", "grains leave as their centre enters it"),
   }};
   return keys;
+}
+
+/// Along which the scene has cells; in two dimensions x and y will do.
+Key<Gas> cells_key() {
+  return {{"", "cells", "[x, y, z], whole numbers", "-", "none",
+           "cells of the gas along each side of the domain; in two dimensions [x, y] will do", true},
+          [](Reader& reader, const At& at, Gas& out) {
+            const bool may_lack_z = is_flat(reader);
+            const std::size_t n = at.node.kind == Node::Kind::list ? at.node.items.size() : 0;
+            if (n != 3 && !(n == 2 && may_lack_z)) {
+              reader.complain(at, may_lack_z ? "expected [x, y], two whole numbers, such as [15, 90]"
+                                             : "expected [x, y, z], three whole numbers, such as [20, 20, 40]");
+              return;
+            }
+            out.cells = {1, 1, 1};
+            for (std::size_t i = 0; i < n; ++i)
+              reader.read(At{at.node.items[i], at.node.items[i].begin, &at, {}, i}, "", out.cells[i]);
+          }};
+}
+
+Key<Gas> gas_step_key() {
+  return {{"", "step", "\"auto\" or number", "s", "\"auto\"",
+           "longest gas step, a whole number of grain steps; divided further where the gas is fast"},
+          [](Reader& reader, const At& at, Gas& out) {
+            if (at.node.kind == Node::Kind::text && at.node.text == "auto") return;
+            if (at.node.kind == Node::Kind::text && !in_si(at.node.text, "s"))
+              reader.complain(at, "expected \"auto\" or a number [s]");
+            else
+              reader.read(at, "s", out.step);
+          }};
+}
+
+const KeyTable<GasBoundaryDraft>& gas_boundary_keys() {
+  using Boundary = GasBoundary;
+  using Kind = Boundary::Kind;
+  using Profile = Boundary::Profile;
+  static const KeyTable<Boundary> boundary{{
+      face(&Boundary::face, "the face of the domain", required_key),
+      choice(
+          "type", &Boundary::kind,
+          {{"velocity", Kind::velocity},
+           {"pressure", Kind::pressure},
+           {"no_slip", Kind::no_slip},
+           {"free_slip", Kind::free_slip}},
+          {"",
+           "velocity: gas comes in (or is drawn off) as given; pressure: it goes as it likes; no_slip: a wall that it "
+           "sticks to; free_slip: a smooth wall"},
+          "none", required_key),
+      value(
+          "velocity", &Boundary::velocity,
+          {"m/s",
+           "type velocity: volume of gas per time and area (superficial), along the axes; no_slip: of the wall, along "
+           "itself"}),
+      choice("profile", &Boundary::profile, {{"uniform", Profile::uniform}, {"parabolic", Profile::parabolic}},
+             {"", "type velocity: the same everywhere, or zero at the edges of the part with the velocity as its mean"},
+             "\"uniform\""),
+      value("ramp", &Boundary::ramp,
+            {"s", "factor on the velocity over time, linear between the times given and constant beyond"}),
+      value("pressure", &Boundary::pressure, {"Pa", "type pressure: above hydrostatic"}),
+  }};
+  static const KeyTable<GasBoundaryDraft> keys =
+      inside(&GasBoundaryDraft::boundary, boundary,
+             {{table("part", &GasBoundaryDraft::part, box_keys(), "the whole face",
+                     "the cells of the face whose centres lie in this box")}});
+  return keys;
+}
+
+const KeyTable<GasDraft>& gas_keys() {
+  using Law = std::optional<DragLaw>;
+  static const KeyTable<Gas> gas{{
+      cells_key(),
+      value("density", &Gas::density, {"kg/m3", "density"}, required_key),
+      value("viscosity", &Gas::viscosity, {"Pa s", "dynamic viscosity"}, required_key),
+      gas_step_key(),
+      choice("drag", &Gas::drag,
+             {{"gidaspow", Law(DragLaw::gidaspow)},
+              {"wen_yu", Law(DragLaw::wen_yu)},
+              {"ergun", Law(DragLaw::ergun)},
+              {"syamlal_obrien", Law(DragLaw::syamlal_obrien)},
+              {"di_felice", Law(DragLaw::di_felice)},
+              {"beetstra", Law(DragLaw::beetstra)},
+              {"koch_hill", Law(DragLaw::koch_hill)},
+              {"schiller_naumann", Law(DragLaw::schiller_naumann)},
+              {"none", Law()}},
+             {"", "drag law between gas and grains; needed where there are grains"}, "none"),
+      choice("model", &Gas::model, {{"A", GasModel::a}, {"B", GasModel::b}},
+             {"", "A: gas and grains share the pressure gradient; B: the gas alone has it"}, "\"A\""),
+      choice("weights", &Gas::weights,
+             {{"cell", GasWeights::cell}, {"trilinear", GasWeights::trilinear}, {"smoothed", GasWeights::smoothed}},
+             {"",
+              "how grains are spread over cells, and feel them: the cell around the centre, the eight nearest, or over "
+              "`smoothing`"},
+             "\"trilinear\""),
+      value("smoothing", &Gas::smoothing, {"m", "weights = \"smoothed\": standard deviation of the spread"}),
+      value("least_void_fraction", &Gas::least_void_fraction,
+            {"-", "no cell is taken as denser than that; how often it happens is reported"}),
+      choice("coupling", &Gas::moves_gas, {{"two_way", true}, {"one_way", false}},
+             {"", "one_way: grains feel the gas, but the gas does not feel the grains"}, "\"two_way\""),
+      value("velocity", &Gas::velocity, {"m/s", "of the gas at the start, between the grains"}),
+      value("pressure_gradient", &Gas::pressure_gradient, {"Pa/m", "mean one, in periodic directions"}),
+      value("tolerance", &Gas::tolerance,
+            {"-", "largest mass imbalance of a cell in a gas step, as a share of the gas it holds"}),
+  }};
+  static const KeyTable<GasDraft> keys = inside(
+      &GasDraft::gas, gas,
+      {{tables("boundary", &GasDraft::boundaries, gas_boundary_keys(),
+               "what the gas meets on a face, or a part of one; a wall that it sticks to where nothing is given, "
+               "later entries go before earlier ones")}});
+  return keys;
+}
+
+Key<Probe> points_key() {
+  return {{"", "points", "list of [x, y, z]", "m", "none", "pressure: where; in two dimensions [x, y] will do"},
+          [](Reader& reader, const At& at, Probe& out) {
+            reader.read_points(at, out.points, std::numeric_limits<double>::quiet_NaN(), is_flat(reader));
+          }};
 }
 
 const KeyTable<ProbeDraft>& probe_keys() {
@@ -545,17 +677,29 @@ const KeyTable<ProbeDraft>& probe_keys() {
               {"region", Kind::region},
               {"mass", Kind::mass},
               {"profile", Kind::profile},
-              {"contacts", Kind::contacts}},
+              {"contacts", Kind::contacts},
+              {"pressure", Kind::pressure},
+              {"pressure_drop", Kind::pressure_drop},
+              {"bed_height", Kind::bed_height},
+              {"gas_profile", Kind::gas_profile},
+              {"gas_mean", Kind::gas_mean}},
              {"", "what is recorded"}, "none", required_key),
       value("name", &Probe::name, {"", "name of the CSV file, without ending"}, optional_key, "the kind"),
       value("wall", &Probe::wall, {"", "wall_force, wall_pressure: name of the wall"}),
-      axis("axis", &Probe::axis, "wall_pressure, profile: direction along which it is cut into slices"),
+      axis("axis", &Probe::axis,
+           "wall_pressure, profile, gas_profile: direction along which it is cut into slices; pressure_drop, "
+           "bed_height: direction along which it is measured"),
       value("bins", &Probe::bins, {"-", "wall_pressure, profile: number of slices"}),
       value("interval", &Probe::interval, {"s", "time between two rows"}, required_key),
+      points_key(),
+      value("between", &Probe::between, {"m", "pressure_drop: the two planes, by their places along the axis"},
+            optional_key, "the faces of the domain"),
+      value("share", &Probe::share, {"-", "bed_height: share of the grains' mass that lies below"}),
+      value("from", &Probe::from, {"s", "gas_profile, gas_mean: averages begin at this time"}),
   }};
-  static const KeyTable<ProbeDraft> keys = inside(
-      &ProbeDraft::probe, probe,
-      {{table("region", &ProbeDraft::region, box_keys(), "the domain", "region, profile: the box that is looked at")}});
+  static const KeyTable<ProbeDraft> keys = inside(&ProbeDraft::probe, probe,
+                                                  {{table("region", &ProbeDraft::region, box_keys(), "the domain",
+                                                          "region, profile, gas_profile: the box that is looked at")}});
   return keys;
 }
 
@@ -600,15 +744,15 @@ const KeyTable<SceneDraft>& scene_table() {
       table("domain", &SceneDraft::domain, domain_keys(), "none", "the space of the scene", required_key),
       table("time", &SceneDraft::time, time_keys(), "none", "how long, in which steps, and what acts on every grain",
             required_key),
-      tables("material", &SceneDraft::materials, material_keys(), "materials of grains and walls", required_key),
+      tables("material", &SceneDraft::materials, material_keys(), "materials of grains and walls"),
       table("contact", &SceneDraft::contact, contact_keys(), "none", "contact laws and their parameters"),
-      tables("particles", &SceneDraft::particles, particle_keys(), "groups of grains", required_key),
+      tables("particles", &SceneDraft::particles, particle_keys(), "groups of grains"),
       tables("wall", &SceneDraft::walls, wall_keys(), "walls; each has exactly one shape"),
       tables("outlet", &SceneDraft::outlets, outlet_keys(), "where grains leave: a face of the domain, or a box"),
       output_key(),
       tables("probe", &SceneDraft::probes, probe_keys(), "time series, each written to a CSV file"),
       table("run", &SceneDraft::run, run_keys(), "none", "how it is run; results do not depend on it"),
-      planned<SceneDraft>("gas", "gas"),
+      table("gas", &SceneDraft::gas, gas_keys(), "none", "gas between the grains, on a grid over the whole domain"),
       planned<SceneDraft>("inlet", "inlets"),
   }};
   return keys;
@@ -627,7 +771,12 @@ const std::vector<KeyDoc>& all_keys() {
 
 SceneDraft read_draft(Reader& reader) {
   SceneDraft draft;
-  scene_table().read(reader, At{reader.root(), reader.root().begin}, draft);
+  const At top{reader.root(), reader.root().begin};
+  scene_table().read(reader, top, draft);
+  // Gas can be alone.
+  for (const char* key : {"material", "particles"})
+    if (!reader.root().find("gas") && !reader.root().find(key))
+      reader.complain_missing(top, key, scene_table().find(key)->doc);
   return draft;
 }
 

@@ -78,6 +78,16 @@ struct ProbeDraft {
   std::optional<BoxDraft> region;
 };
 
+struct GasBoundaryDraft {
+  GasBoundary boundary;  // all but the part
+  std::optional<BoxDraft> part;
+};
+
+struct GasDraft {
+  Gas gas;  // all but the boundaries
+  std::vector<GasBoundaryDraft> boundaries;
+};
+
 struct SceneDraft {
   std::string title;
   Domain domain;
@@ -87,6 +97,7 @@ struct SceneDraft {
   std::vector<ParticleDraft> particles;
   std::vector<WallDraft> walls;
   std::vector<OutletDraft> outlets;
+  std::optional<GasDraft> gas;
   Output output;
   std::optional<bool> energy;  // output.energy; none: on where a probe needs it
   std::vector<ProbeDraft> probes;

@@ -76,6 +76,42 @@ FieldDifference compare_field(const FieldArray& a, const FieldArray& b, const Ro
   return found;
 }
 
+GridDifference compare_grid(const GridArray& a, const GridArray& b) {
+  GridDifference found{a.name, a.unit};
+  for (std::size_t i = 0; i < a.values.size(); ++i) {
+    const double x = a.values[i], y = b.values[i];
+    if (has_same_bits(x, y)) continue;
+    if (found.n_different++ > 0 && distance(x, y) <= found.largest) continue;
+    found.largest = distance(x, y);
+    const std::size_t nx = static_cast<std::size_t>(a.n[0]), ny = static_cast<std::size_t>(a.n[1]);
+    found.place = {static_cast<int>(i % nx), static_cast<int>(i / nx % ny), static_cast<int>(i / nx / ny)};
+    found.value_a = x, found.value_b = y;
+  }
+  return found;
+}
+
+const GridArray* find(const std::vector<GridArray>& grids, const std::string& name) {
+  const auto found = std::find_if(grids.begin(), grids.end(), [&](const GridArray& g) { return g.name == name; });
+  return found == grids.end() ? nullptr : &*found;
+}
+
+void compare_grids(const Image& a, const Image& b, Comparison& result) {
+  for (const GridArray& array : a.grids) {
+    const GridArray* const other = find(b.grids, array.name);
+    if (other == nullptr) {
+      result.notes.push_back(fmt::format("gas quantity {} is only in A", array.name));
+    } else if (array.n != other->n || array.values.size() != other->values.size()) {
+      result.notes.push_back(fmt::format("gas quantity {}: {} x {} x {} values in A, {} x {} x {} in B", array.name,
+                                         array.n[0], array.n[1], array.n[2], other->n[0], other->n[1], other->n[2]));
+    } else if (GridDifference difference = compare_grid(array, *other); difference.n_different > 0) {
+      result.grids.push_back(std::move(difference));
+    }
+  }
+  for (const GridArray& array : b.grids)
+    if (find(a.grids, array.name) == nullptr)
+      result.notes.push_back(fmt::format("gas quantity {} is only in B", array.name));
+}
+
 /// Histories consist of 64-bit numbers only, without padding.
 template <class Entry>
 bool is_same_entry(const Entry& a, const Entry& b) {
@@ -145,12 +181,14 @@ Comparison compare(const Image& a, const Image& b) {
   }
   if (n_fields_compared == 0 && a.n_grains + b.n_grains > 0)
     result.notes.emplace_back("the two have no field in common");
+  compare_grids(a, b, result);
   if (has_history(a) && has_history(b)) {
     compare_histories(a.pairs, b.pairs, "contact histories", result.notes);
     compare_histories(a.walls, b.walls, "wall contact histories", result.notes);
     compare_accumulators(a, b, result.notes);
   }
-  result.is_equal = result.notes.empty() && result.fields.empty() && result.n_only_a == 0 && result.n_only_b == 0;
+  result.is_equal = result.notes.empty() && result.fields.empty() && result.grids.empty() && result.n_only_a == 0 &&
+                    result.n_only_b == 0;
   return result;
 }
 
@@ -173,6 +211,14 @@ std::string comparison_text(const Comparison& comparison) {
                         fmt::format("{:.6g} {}", field.largest, field.unit), field.gid,
                         fmt::format("{}", field.value_a), fmt::format("{}", field.value_b));
   }
+  if (!comparison.grids.empty())
+    text += fmt::format("{:<18}{:>14}{:>24}{:>16}{:>22}{:>26}\n", "gas", "values differ", "largest difference", "cell",
+                        "in A", "in B");
+  for (const GridDifference& grid : comparison.grids)
+    text += fmt::format("{:<18}{:>14}{:>24}{:>16}{:>22}{:>26}\n", grid.name, grid.n_different,
+                        fmt::format("{:.6g} {}", grid.largest, grid.unit),
+                        fmt::format("({}, {}, {})", grid.place[0], grid.place[1], grid.place[2]),
+                        fmt::format("{}", grid.value_a), fmt::format("{}", grid.value_b));
   return text + (comparison.is_equal ? "equal\n" : "not equal\n");
 }
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "io/snapshot/snapshot.hpp"
@@ -53,6 +54,20 @@ std::string field_lines(const FieldArray& array) {
   return text;
 }
 
+std::string gas_lines(const Image& image) {
+  if (image.grids.empty()) return {};
+  const std::array<int, 3> cells = gas_cells(image);
+  std::string text = fmt::format("gas          {} x {} x {} cells\n", cells[0], cells[1], cells[2]);
+  for (const GridArray& array : image.grids) {
+    const Extremes found = extremes(array.values, 0, 1);
+    text += fmt::format("  {:<20}{:>16.8g}{:>16.8g}  {}", array.name, found.least, found.greatest, array.unit);
+    if (found.n_not_finite > 0) text += fmt::format("  ({} values are not numbers)", found.n_not_finite);
+    while (text.back() == ' ') text.pop_back();
+    text += '\n';
+  }
+  return text;
+}
+
 std::string domain_line(const Image& image) {
   const Vec3 low = image.domain.low, high = image.domain.high;
   std::string text =
@@ -86,6 +101,7 @@ std::string describe(const std::filesystem::path& path) {
   text += fmt::format("fields       {:>25}{:>16}\n", "least", "greatest");
   for (const FieldArray& array : image.fields) text += field_lines(array);
   for (const std::string& name : file.unknown) text += fmt::format("  {} (not known to this program)\n", name);
+  text += gas_lines(image);
   return text + fmt::format("state hash: {}\n", image.hash.text());
 }
 

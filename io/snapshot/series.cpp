@@ -2,11 +2,13 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <cstdlib>
 #include <stdexcept>
 #include <string_view>
 
 #include "io/checkpoint/agreement.hpp"
+#include "io/checkpoint/image_file.hpp"
 #include "io/checkpoint/rank_files.hpp"
 #include "io/snapshot/snapshot.hpp"
 
@@ -17,7 +19,7 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::string_view entry_start = "    <Grid Name=\"step ";
-constexpr std::string_view entry_end = "    </Grid>\n";
+constexpr std::string_view entry_end = "\n    </Grid>\n";
 
 /// Types as ParaView's readers know them: they have no unsigned 64-bit integers, and HDF5 converts on the way.
 std::string data_item(const FieldInfo& row, const Image& image) {
@@ -31,12 +33,18 @@ std::string data_item(const FieldInfo& row, const Image& image) {
       type, precision, shape, snapshot_name(image.step), row.name);
 }
 
-std::string entry_of(const Image& image) {
-  if (image.find(Field::position) == nullptr) throw std::logic_error("a snapshot needs the positions of its grains");
-  std::string text =
-      fmt::format("{}{}\" GridType=\"Uniform\">\n      <Time Value=\"{}\"/>\n", entry_start, image.step, image.time);
-  text += fmt::format("      <Topology TopologyType=\"Polyvertex\" NumberOfElements=\"{}\" NodesPerElement=\"1\"/>\n",
-                      image.n_grains);
+/// Names are free text.
+std::string escaped(const std::string& text) {
+  std::string out;
+  for (const char c : text)
+    out += c == '&' ? "&amp;" : c == '<' ? "&lt;" : c == '>' ? "&gt;" : c == '"' ? "&quot;" : std::string(1, c);
+  return out;
+}
+
+/// The grains: topology, geometry, attributes.
+std::string grains_of(const Image& image) {
+  std::string text = fmt::format(
+      "      <Topology TopologyType=\"Polyvertex\" NumberOfElements=\"{}\" NodesPerElement=\"1\"/>\n", image.n_grains);
   text += fmt::format("      <Geometry GeometryType=\"XYZ\">{}</Geometry>\n", data_item(info(Field::position), image));
   for (const FieldArray& array : image.fields) {
     const FieldInfo& row = info(array.field);
@@ -45,6 +53,45 @@ std::string entry_of(const Image& image) {
     text += fmt::format("      <Attribute Name=\"{}\" AttributeType=\"{}\" Center=\"Node\">{}</Attribute>\n", row.name,
                         kind, data_item(row, image));
   }
+  return text;
+}
+
+/// The cells of the gas; quantities on faces are left out, ParaView has no place for them.
+std::string gas_of(const Image& image) {
+  const std::array<int, 3> n = gas_cells(image);
+  const Vec3 low = image.domain.low, size = image.domain.size();
+  const auto triple = [](double z, double y, double x) {
+    return fmt::format(
+        "<DataItem Format=\"XML\" NumberType=\"Float\" Precision=\"8\" Dimensions=\"3\">{} {} {}</DataItem>", z, y, x);
+  };
+  std::string text = fmt::format("      <Topology TopologyType=\"3DCoRectMesh\" Dimensions=\"{} {} {}\"/>\n", n[2] + 1,
+                                 n[1] + 1, n[0] + 1);
+  text += fmt::format("      <Geometry GeometryType=\"ORIGIN_DXDYDZ\">{}{}</Geometry>\n", triple(low.z, low.y, low.x),
+                      triple(size.z / n[2], size.y / n[1], size.x / n[0]));
+  for (const GridArray& array : image.grids)
+    if (array.n == n)
+      text += fmt::format(
+          "      <Attribute Name=\"{}\" AttributeType=\"Scalar\" Center=\"Cell\"><DataItem Format=\"HDF\" "
+          "NumberType=\"Float\" Precision=\"8\" Dimensions=\"{} {} {}\">snapshots/{}:/{}</DataItem></Attribute>\n",
+          escaped(array.name), n[2], n[1], n[0], snapshot_name(image.step), escaped(gas_dataset(array)));
+  return text;
+}
+
+/// The grains alone, or grains and gas side by side.
+std::string entry_of(const Image& image) {
+  if (image.find(Field::position) == nullptr) throw std::logic_error("a snapshot needs the positions of its grains");
+  const std::string time = fmt::format("      <Time Value=\"{}\"/>\n", image.time);
+  std::string text;
+  if (image.grids.empty()) {
+    text = fmt::format("{}{}\" GridType=\"Uniform\">\n", entry_start, image.step) + time + grains_of(image);
+  } else {
+    const auto part = [](const char* name, const std::string& content) {
+      return fmt::format("      <Grid Name=\"{}\" GridType=\"Uniform\">\n{}      </Grid>\n", name, content);
+    };
+    text = fmt::format("{}{}\" GridType=\"Collection\" CollectionType=\"Spatial\">\n", entry_start, image.step) + time +
+           part("grains", grains_of(image)) + part("gas", gas_of(image));
+  }
+  text.pop_back();  // the end begins with a new line
   return text.append(entry_end);
 }
 

@@ -74,8 +74,8 @@ const std::vector<Broken> table = {
      "18: key \"particles\" = { material = \"glass\", diameter = 0.02, fill = { count =  ...: expected a list of "
      "tables, found one table; write "
      "[[particles]] with two brackets"},
-    {"planned", "", "[gas]\nviscosity = 1e-5",
-     "30: key \"gas\" = { viscosity = 1e-05 }: not available yet in this version; leave it out"},
+    {"planned", "", "[[inlet]]\nrate = 1",
+     "30: key \"inlet\" = [{ rate = 1 }]: not available yet in this version; leave it out"},
     {"planned law", "tangential = \"spring\"", "tangential = \"spring\"\nrolling = \"constant\"",
      "13: key \"contact.rolling\" = \"constant\": not available yet in this version; leave it out"},
     {"planned motion", "name = \"floor\"", "name = \"floor\"\nmotion = { velocity = [0, 0, 1] }",
@@ -248,7 +248,9 @@ const std::vector<Broken> table = {
      "\"radius\", "
      "\"velocity\", \"inverse_mass\", \"angular_velocity\", \"inverse_inertia\", \"gid\", \"material\", "
      "\"dissipated\", \"force\", "
-     "\"torque\""},
+     "\"torque\", \"gas_acceleration\""},
+    {"field of a gas that is not there", "", "[output]\nfields = [\"gas_acceleration\"]",
+     "31: key \"output.fields[0]\": \"gas_acceleration\" exists only in a scene with [gas] and a drag law"},
     {"unknown layout", "", "[run]\nlayout = \"4 threads\"",
      "31: key \"run.layout\": is \"4 threads\"; expected \"auto\" or ranks x threads such as \"2x4\""},
     // the text itself

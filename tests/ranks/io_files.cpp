@@ -24,6 +24,7 @@
 using namespace moraine;
 using moraine::ranks::is_same_on_all;
 using moraine::ranks::SharedDirectory;
+using moraine::testing::add_gas;
 using moraine::testing::is_same;
 using moraine::testing::make_image;
 namespace fs = std::filesystem;
@@ -68,6 +69,10 @@ Image rows_of(const Image& whole, const Share& share) {
   const RowRange pairs = share(whole.pairs.size()), walls = share(whole.walls.size());
   image.pairs = part_of(whole.pairs, pairs.first, pairs.n);
   image.walls = part_of(whole.walls, walls.first, walls.n);
+  for (GridArray& array : image.grids) {
+    const RowRange values = share(array.values.size());
+    array.values = part_of(array.values, values.first, values.n);
+  }
   return image;
 }
 
@@ -83,9 +88,16 @@ Image equal_share(const Image& whole, const World& world) {
   return rows_of(whole, [&](std::uint64_t n) { return share_of(n, world); });
 }
 
+/// An image of grains and gas.
+Image make_bed(std::uint64_t n_grains, std::uint64_t step = 120, std::uint64_t seed = 1) {
+  Image image = make_image(n_grains, step, seed);
+  add_gas(image, {5, 4, 3});
+  return image;
+}
+
 /// This rank's rows, shared out evenly, of an image that all ranks invent alike.
 Image even_rows(std::uint64_t n_grains, std::uint64_t step = 120, std::uint64_t seed = 1) {
-  return rows_of(make_image(n_grains, step, seed), ranks::world(), some_cuts(ranks::world().size())[0]);
+  return rows_of(make_bed(n_grains, step, seed), ranks::world(), some_cuts(ranks::world().size())[0]);
 }
 
 /// What the call throws, which must be the same on all ranks; "" where it throws nothing.
@@ -191,7 +203,8 @@ TEST_CASE(
   const World& world = ranks::world();
   const SharedDirectory directory(world);
   for (const std::uint64_t n : {0u, 1u, 2u, 700u}) {
-    const Image whole = make_image(n);
+    Image whole = make_image(n);
+    if (n != 1) add_gas(whole, {7, 5, 3});
     at_root([&] {
       write_checkpoint(directory.path() / "alone.h5", whole, record);
       write_snapshot(directory.path() / "alone_s.h5", whole);
@@ -211,7 +224,8 @@ TEST_CASE(
 TEST_CASE("more rows than are written at a time, on ranks of which one has none, give the file that one rank writes") {
   const World& world = ranks::world();
   const SharedDirectory directory(world);
-  const Image whole = make_image(200'000);
+  Image whole = make_image(200'000);
+  add_gas(whole, {61, 67, 43});
   at_root([&] { write_checkpoint(directory.path() / "alone.h5", whole, record); });
   write_checkpoint(directory.path() / "c.h5", rows_of(whole, world, some_cuts(world.size()).back()), record, world);
   CHECK(read_file(directory.path() / "c.h5") == read_file(directory.path() / "alone.h5"));
@@ -251,7 +265,8 @@ TEST_CASE("any number of ranks reads a file of any number of ranks, each its equ
   const World& world = ranks::world();
   const SharedDirectory directory(world);
   for (const std::uint64_t n : {0u, 2u, 1000u}) {
-    const Image whole = make_image(n);
+    Image whole = make_image(n);
+    add_gas(whole, {4, 9, 6});
     for (int n_writing = 1; n_writing <= world.size(); ++n_writing)
       for (const bool distributed : {false, true}) {
         const fs::path path = directory.path() / "c.h5";
@@ -275,7 +290,8 @@ TEST_CASE("a distributed file of any share of the rows reads like the shared one
   const SharedDirectory directory(world);
   const fs::path shared = directory.path() / "shared.h5", parted = directory.path() / "100%s parted.h5";
   for (const std::uint64_t n : {0u, 1u, 700u}) {
-    const Image whole = make_image(n);
+    Image whole = make_image(n);
+    add_gas(whole, {n == 0 ? 1 : 5, 6, n == 1 ? 1 : 4});
     for (const Cuts& cuts : some_cuts(world.size())) {
       write_checkpoint(shared, rows_of(whole, world, cuts), record, world);
       write_checkpoint(parted, rows_of(whole, world, cuts), record, world, true);
@@ -331,7 +347,7 @@ print(len(x), sum(d.is_virtual for d in y.values()), a.attrs["format"], b.attrs[
     const std::string output =
         output_of("cd / && " + python + " '" + (directory.path() / "script.py").string() + "'" + files);
     // fields, five columns each of pairs and walls, three accumulators, the scene
-    CHECK(output == std::to_string(n_fields + 14) + ' ' + std::to_string(n_fields + 10) + " 1 2\n");
+    CHECK(output == std::to_string(n_fields + 17) + ' ' + std::to_string(n_fields + 13) + " 1 2\n");
   });
 }
 
@@ -381,7 +397,7 @@ TEST_CASE("a part that is missing, damaged or of another file is named, in the s
   CHECK(common_failure(read) == begin + " belongs to another file");
   at_root([&] {
     fs::copy_file(aside, part, fs::copy_options::overwrite_existing);
-    const Image whole = make_image(300);
+    const Image whole = make_bed(300);
     const std::string radii(reinterpret_cast<const char*>(&whole.find(Field::radius)->reals[100]), 64);
     flip_byte(part, read_file(part).find(radii) + 3);
   });
@@ -420,7 +436,7 @@ TEST_CASE("all ranks go on from the newest sound checkpoint, shared or distribut
   at_root([&] { fs::remove(rank_files_of(place(300))[2]); });
   auto latest = find_latest_checkpoint(run.path(), world);
   CHECK((latest && latest->path == place(200) && latest->warnings.size() == 1));
-  CHECK((latest && is_same(latest->checkpoint.image, equal_share(make_image(50, 200), world))));
+  CHECK((latest && is_same(latest->checkpoint.image, equal_share(make_bed(50, 200), world))));
   CHECK(is_same_on_all(world, latest ? latest->warnings[0] : "none"));
   at_root([&] { flip_byte(rank_files_of(place(200))[0], 5000); });
   latest = find_latest_checkpoint(run.path(), world);
@@ -468,14 +484,14 @@ TEST_CASE(
   write_checkpoint(path, even_rows(60, 5, 2), record, world, true);
   at_root([&] {
     CHECK(n_files() == 4);
-    CHECK(is_same(read_checkpoint(path).image, make_image(60, 5, 2)));
+    CHECK(is_same(read_checkpoint(path).image, make_bed(60, 5, 2)));
     fs::rename(path, aside);
   });
   write_checkpoint(path, even_rows(60, 5, 3), record, world, true);
   at_root([&] {
     CHECK(n_files() == 8);
-    CHECK(is_same(read_checkpoint(aside).image, make_image(60, 5, 2)));
-    CHECK(is_same(read_checkpoint(path).image, make_image(60, 5, 3)));
+    CHECK(is_same(read_checkpoint(aside).image, make_bed(60, 5, 2)));
+    CHECK(is_same(read_checkpoint(path).image, make_bed(60, 5, 3)));
     fs::remove(aside);
   });
   write_checkpoint(path, even_rows(60, 5, 4), record, world);
@@ -505,13 +521,13 @@ TEST_CASE("a full disk gives one error on all ranks, leaves nothing behind and t
       const Checkpoint found = read_checkpoint(path);
       if (message.empty()) {
         ++n_written;
-        CHECK(is_same(found.image, make_image(2000, 8)));
+        CHECK(is_same(found.image, make_bed(2000, 8)));
         world.wait_for_all();
         write_checkpoint(path, even_rows(100, 7), record, world, distributed);
       } else {
         ++n_refused;
         CHECK_THAT(message, Catch::StartsWith((disk / "c").string()) && Catch::EndsWith("no space left on the disk"));
-        CHECK(is_same(found.image, make_image(100, 7)));
+        CHECK(is_same(found.image, make_bed(100, 7)));
       }
       CHECK(names_in(disk) == names);
       world.wait_for_all();
@@ -538,7 +554,7 @@ TEST_CASE(
                  Catch::StartsWith((directory.path() / "c").string()) && Catch::Contains("cannot be written"));
       limit.reset();
       CHECK(names_in(directory.path()) == names);
-      CHECK(is_same(read_checkpoint(path, world).image, equal_share(make_image(100, 7), world)));
+      CHECK(is_same(read_checkpoint(path, world).image, equal_share(make_bed(100, 7), world)));
     }
 }
 
@@ -562,7 +578,7 @@ TEST_CASE(
     fs::create_directories(run);
     fs::create_directories(alone);
     SnapshotSeries series(alone);
-    for (const std::uint64_t step : {0u, 100u, 200u}) series.add(make_image(40, step));
+    for (const std::uint64_t step : {0u, 100u, 200u}) series.add(make_bed(40, step));
   });
   SnapshotSeries series(run);
   for (const std::uint64_t step : {0u, 100u, 200u}) series.add(even_rows(40, step), world, step == 200);

@@ -6,6 +6,7 @@
 #include "tests/unit/io_images.hpp"
 
 using namespace moraine;
+using moraine::testing::add_gas;
 using moraine::testing::is_same;
 using moraine::testing::make_image;
 using moraine::testing::TemporaryDirectory;
@@ -54,6 +55,38 @@ TEST_CASE("a checkpoint gives back every bit of the image it was written from") 
     CHECK(read.record.version == record.version);
     CHECK(read.record.commit == record.commit);
   }
+}
+
+TEST_CASE("a checkpoint gives back every bit of the gas, on cells and on faces") {
+  const TemporaryDirectory directory;
+  for (const std::array<int, 3> cells :
+       {std::array{1, 1, 1}, std::array{4, 1, 3}, std::array{5, 6, 1}, std::array{50, 60, 70}}) {
+    Image image = make_image(3);
+    add_gas(image, cells);
+    write_checkpoint(directory.path() / "c.h5", image, record);
+    CHECK(is_same(read_checkpoint(directory.path() / "c.h5").image, image));
+  }
+}
+
+TEST_CASE("a damaged quantity of the gas is named") {
+  const TemporaryDirectory directory;
+  Image image = make_image(3);
+  add_gas(image, {20, 20, 20});
+  const fs::path path = directory.path() / "c.h5";
+  write_checkpoint(path, image, record);
+  const std::string text = read_file(path), pressure(reinterpret_cast<const char*>(image.grids[2].values.data()), 64);
+  const std::size_t at = text.find(pressure);
+  REQUIRE(at != std::string::npos);
+  flip_byte(path, static_cast<std::streamoff>(at) + 8000);
+  CHECK(message_of(path) == path.string() + ": is damaged: gas/pressure does not agree with the checksum");
+}
+
+TEST_CASE("gas with another number of values than its grid is not written") {
+  const TemporaryDirectory directory;
+  Image image = make_image(3);
+  add_gas(image, {2, 3, 4});
+  image.grids[1].values.pop_back();
+  CHECK_THROWS_AS(write_checkpoint(directory.path() / "c.h5", image, record), std::logic_error);
 }
 
 TEST_CASE("a field that the scene does not need is neither written nor read") {

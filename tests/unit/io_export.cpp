@@ -17,9 +17,11 @@
 #include "io/export/render.hpp"
 #include "io/export/vtk.hpp"
 #include "io/snapshot/series.hpp"
+#include "io/snapshot/snapshot.hpp"
 #include "tests/unit/io_images.hpp"
 
 using namespace moraine;
+using moraine::testing::add_gas;
 using moraine::testing::make_image;
 using moraine::testing::TemporaryDirectory;
 namespace fs = std::filesystem;
@@ -77,6 +79,33 @@ TEST_CASE("a VTK export holds positions and fields at the offsets that its heade
     CHECK(std::memcmp(text.data() + data + offset + sizeof length, expected->data(), length) == 0);
   }
   CHECK(text.find("NumberOfPoints=\"25\" NumberOfVerts=\"25\"") != std::string::npos);
+}
+
+TEST_CASE("a VTK export of the gas holds scalars and vectors on cells at the offsets that its header names") {
+  Image image = make_image(5);
+  CHECK(vti_text(image).empty());
+  add_gas(image, {3, 4, 5});
+  for (const char* name : {"velocity_x", "velocity_y", "velocity_z"})
+    image.grids.push_back({name, "m/s", {3, 4, 5}, std::vector<double>(60, name[9])});
+  const std::string text = vti_text(image);
+  CHECK(text.find("WholeExtent=\"0 3 0 4 0 5\"") != std::string::npos);
+  CHECK(text.find("face_z") == std::string::npos);  // VTK has no place for it
+  const std::size_t data = text.find("encoding=\"raw\">\n_") + 17;
+  const auto values = [&](const std::string& name) {
+    const std::size_t row = text.find("Name=\"" + name + '"');
+    REQUIRE(row != std::string::npos);
+    const std::size_t offset = std::stoull(text.substr(text.find("offset=\"", row) + 8));
+    std::uint64_t length = 0;
+    std::memcpy(&length, text.data() + data + offset, sizeof length);
+    std::vector<double> found(length / sizeof(double));
+    std::memcpy(found.data(), text.data() + data + offset + sizeof length, length);
+    return found;
+  };
+  CHECK(values("pressure") == image.grids[2].values);
+  const std::vector<double> velocity = values("velocity");
+  REQUIRE(velocity.size() == 180);
+  CHECK(velocity[3 * 59 + 0] == 'x');
+  CHECK(velocity[3 * 59 + 2] == 'z');
 }
 
 TEST_CASE("pictures are coloured by any field, its length or component, or by what follows from it") {
@@ -187,6 +216,18 @@ TEST_CASE("an export writes every frame, and the file that strings them together
   export_run({run.path(), ExportKind::csv, 1, "speed", run.path() / "tables"});
   CHECK(read_file(run.path() / "tables" / "times.csv") == "time [s],file\n0.01,grains_000000000100.csv\n");
   CHECK_THROWS_AS(export_run({run.path(), ExportKind::povray, 0, "colour", std::nullopt}), ExportError);
+}
+
+TEST_CASE("an export of a run with gas has a series of its own for the gas") {
+  const TemporaryDirectory run;
+  Image image = make_image(5, 100);
+  add_gas(image, {3, 4, 5});
+  SnapshotSeries(run.path()).add(image);
+  const std::string said = export_run({run.path(), ExportKind::vtk, std::nullopt, "speed", std::nullopt});
+  CHECK(said.ends_with("grains.pvd and " + (run.path() / "vtk" / "gas.pvd").string()));
+  CHECK(read_file(run.path() / "vtk" / "gas.pvd").find("file=\"gas_000000000100.vti\"") != std::string::npos);
+  CHECK(read_file(run.path() / "vtk" / "gas_000000000100.vti") ==
+        vti_text(read_snapshot(list_snapshots(run.path())[0])));
 }
 
 TEST_CASE("a picture is made of a snapshot by POV-Ray") {

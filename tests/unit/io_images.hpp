@@ -1,6 +1,8 @@
 // Images with invented but well-spread content, and places to write them, for tests of files.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <filesystem>
 #include <string>
 
@@ -64,6 +66,25 @@ inline Image make_image(std::uint64_t n_grains, std::uint64_t step = 120, std::u
   return image;
 }
 
+/// Adds gas of `cells` to an image: two quantities on cells, in the order of their names, and one on faces along z.
+inline void add_gas(Image& image, std::array<int, 3> cells, std::uint64_t seed = 7) {
+  std::uint64_t counter = 0;
+  const auto add = [&](const char* name, const char* unit, std::array<int, 3> n) {
+    GridArray array{name, unit, n, {}};
+    array.values.resize(static_cast<std::size_t>(n[0]) * static_cast<std::size_t>(n[1]) *
+                        static_cast<std::size_t>(n[2]));
+    for (double& value : array.values) value = random_uniform(seed, counter++, RandomPurpose::position);
+    image.grids.push_back(std::move(array));
+  };
+  add("a/b & \"c\"", "", cells);
+  add("face_z", "m/s", {cells[0], cells[1], cells[2] + 1});
+  add("pressure", "Pa", cells);
+}
+
+inline bool is_same(const GridArray& a, const GridArray& b) {
+  return a.name == b.name && a.unit == b.unit && a.n == b.n && a.values == b.values;
+}
+
 /// Equal in all that a checkpoint must keep, bit for bit.
 inline bool is_same(const Image& a, const Image& b) {
   if (a.step != b.step || a.time != b.time || a.time_step != b.time_step || !(a.domain == b.domain) ||
@@ -73,6 +94,9 @@ inline bool is_same(const Image& a, const Image& b) {
     if (a.fields[i].field != b.fields[i].field || a.fields[i].reals != b.fields[i].reals ||
         a.fields[i].gids != b.fields[i].gids || a.fields[i].indices != b.fields[i].indices)
       return false;
+  if (!std::equal(a.grids.begin(), a.grids.end(), b.grids.begin(), b.grids.end(),
+                  [](const GridArray& x, const GridArray& y) { return is_same(x, y); }))
+    return false;
   return a.pairs == b.pairs && a.walls == b.walls && a.accumulators == b.accumulators;
 }
 

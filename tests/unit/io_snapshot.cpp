@@ -13,6 +13,7 @@
 #include "tests/unit/io_images.hpp"
 
 using namespace moraine;
+using moraine::testing::add_gas;
 using moraine::testing::is_same;
 using moraine::testing::make_image;
 using moraine::testing::TemporaryDirectory;
@@ -158,6 +159,71 @@ print(root.find("./Domain/Grid").get("CollectionType"), [g.find("Time").get("Val
   CHECK(output == "Temporal ['0', '0.01', '0.02'] " + std::to_string(3 * n_fields) + "\n");
 }
 
+TEST_CASE("grains and gas stand side by side in the series, each dataset of the gas in the shape of its mesh") {
+  const std::string python = python_with_h5py();
+  if (python.empty()) {
+    WARN("skipped: no python3 with h5py");
+    return;
+  }
+  const TemporaryDirectory run;
+  SnapshotSeries series(run.path());
+  for (const std::uint64_t step : {0u, 100u}) {
+    Image image = make_image(10, step);
+    add_gas(image, {4, 5, 6});
+    series.add(image);
+  }
+  const std::string output = run_python(python, run.path(), R"(
+import h5py, numpy, xml.etree.ElementTree as et
+root = et.parse("snapshots.xdmf").getroot()
+steps = root.findall("./Domain/Grid/Grid")
+for step in steps:
+    assert step.get("CollectionType") == "Spatial" and step.find("Time") is not None
+    grains, gas = step.findall("Grid")
+    assert grains.get("Name") == "grains" and gas.get("Name") == "gas"
+    nodes = [int(x) for x in gas.find("Topology").get("Dimensions").split()]
+    low, spacing = ([float(x) for x in item.text.split()] for item in gas.find("Geometry"))
+    for attribute in gas.findall("Attribute"):
+        file, dataset = attribute.find("DataItem").text.split(":")
+        f = h5py.File(file, "r")
+        shape = tuple(int(x) for x in attribute.find("DataItem").get("Dimensions").split())
+        assert f[dataset].shape == shape == tuple(n - 1 for n in nodes), dataset
+        assert list(f["gas"].attrs["cells"]) == list(shape[::-1])
+        assert list(f["gas"].attrs["low"]) == low[::-1] and list(f["gas"].attrs["spacing"]) == spacing[::-1]
+    for item in grains.iter("DataItem"):
+        file, dataset = item.text.split(":")
+        assert h5py.File(file, "r")[dataset].shape[0] == 10
+print(len(steps), [a.get("Name") for a in gas.findall("Attribute")], nodes, f["gas/face_z"].shape,
+      f["gas/pressure"].attrs["unit"], repr(float(f["gas/pressure"][5, 4, 3])))
+)");
+  Image image = make_image(10, 100);
+  add_gas(image, {4, 5, 6});
+  const std::size_t last = 4 * 5 * 6 - 1;
+  char value[64];
+  std::snprintf(value, sizeof value, "%.17g", image.grids[2].values[last]);
+  INFO(output);
+  const std::string expected = "2 ['a/b & \"c\"', 'pressure'] [7, 6, 5] (7, 5, 4) Pa ";
+  REQUIRE(output.substr(0, expected.size()) == expected);
+  CHECK(std::stod(output.substr(expected.size())) == std::stod(value));
+  CHECK(SnapshotSeries(run.path()).size() == 2);
+}
+
+TEST_CASE("a series takes up its entries with gas as they are, and drops them whole") {
+  const TemporaryDirectory run;
+  std::string before;
+  {
+    SnapshotSeries series(run.path());
+    for (const std::uint64_t step : {0u, 100u, 200u}) {
+      Image image = make_image(5, step);
+      if (step != 100) add_gas(image, {2, 2, 2});
+      series.add(image);
+      if (step == 100) before = read_file(series.file());
+    }
+  }
+  SnapshotSeries series(run.path());
+  CHECK(series.drop_from(200) == 1);
+  CHECK(read_file(series.file()) == before);
+}
+
 TEST_CASE("a series that goes on from a restart drops what lies after it and takes up what a crash left unlisted") {
   const TemporaryDirectory run;
   {
@@ -247,6 +313,50 @@ TEST_CASE("grains, fields, histories and counters that only one image has make t
   std::erase_if(other.fields, [](const FieldArray& array) { return array.field == Field::force; });
   CHECK(compare(a, other).notes == std::vector<std::string>{"field force is only in A"});
   CHECK(compare(a, grains_only(a)).is_equal);
+}
+
+TEST_CASE("the largest difference of a quantity of the gas is found with its cell and values") {
+  Image a = make_image(10);
+  add_gas(a, {4, 5, 6});
+  CHECK(compare(a, a).is_equal);
+  Image b = a;
+  b.grids[2].values[7] += 1e-9;
+  b.grids[2].values[1 + 4 * (2 + 5 * 3)] -= 0.5;
+  const Comparison result = compare(a, b);
+  CHECK_FALSE(result.is_equal);
+  CHECK(result.fields.empty());
+  REQUIRE(result.grids.size() == 1);
+  CHECK(result.grids[0].name == "pressure");
+  CHECK(result.grids[0].n_different == 2);
+  CHECK(result.grids[0].largest == Approx(0.5).epsilon(1e-14));
+  CHECK(result.grids[0].place == std::array<int, 3>{1, 2, 3});
+  CHECK_THAT(comparison_text(result), Catch::Contains("pressure") && Catch::Contains("0.5 Pa") &&
+                                          Catch::Contains("(1, 2, 3)") && Catch::EndsWith("not equal\n"));
+}
+
+TEST_CASE("gas that only one image has, or of another size, makes them unequal") {
+  Image a = make_image(10), b = a, c = a;
+  add_gas(a, {2, 3, 4});
+  add_gas(c, {2, 3, 5});
+  b.grids = {a.grids[2]};
+  CHECK(compare(a, b).notes ==
+        std::vector<std::string>{"gas quantity a/b & \"c\" is only in A", "gas quantity face_z is only in A"});
+  CHECK(compare(b, a).notes ==
+        std::vector<std::string>{"gas quantity a/b & \"c\" is only in B", "gas quantity face_z is only in B"});
+  CHECK(compare(a, c).notes[2] == "gas quantity pressure: 2 x 3 x 4 values in A, 2 x 3 x 5 in B");
+}
+
+TEST_CASE("a description names the cells of the gas, and the range of each quantity") {
+  const TemporaryDirectory directory;
+  Image image = make_image(10);
+  add_gas(image, {1, 2, 2});
+  image.grids[2].values = {0.5, -2, std::nan(""), 8};
+  write_snapshot(directory.path() / "s.h5", image);
+  const std::string text = describe(directory.path() / "s.h5");
+  INFO(text);
+  CHECK_THAT(text, Catch::Contains("gas          1 x 2 x 2 cells\n") &&
+                       Catch::Contains(
+                           "pressure                          -2               8  Pa  (1 values are not numbers)\n"));
 }
 
 TEST_CASE("a description names kind, step, time, grains, ranges of the fields and the hash") {
