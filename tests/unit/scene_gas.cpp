@@ -229,7 +229,7 @@ TEST_CASE("what is checked of the gas is said in words") {
                            "step = 1e-3\n[[gas.boundary]]\nface = \"z-low\"\ntype = \"velocity\"\nvelocity = [0, 0, "
                            "2]\nramp = [[0, 0], [0.5, 1]]\n" +
                            outlet + "[[gas.boundary]]\nface = \"x-low\"\ntype = \"no_slip\"\nvelocity = [0, 1, 0]\n";
-  CHECK(gas_lines(read(text), 3e-4, 0) ==
+  CHECK(gas_lines(read(text), 3e-4, 3) ==
         std::vector<std::string>{
             "4 x 5 x 6 cells of 0.25 x 0.2 x 0.1667 m, 12.5 x 10 x 8.33 grain diameters", "1.2 kg/m3, 1.8e-05 Pa s",
             "gas step 0.0009 s, 3 grain steps (at most 0.001 s was asked for)",
@@ -239,7 +239,7 @@ TEST_CASE("what is checked of the gas is said in words") {
             "void fraction taken as at least 0.3, mass imbalance of a cell at most 1.0e-06 of its gas; the fastest "
             "boundary "
             "crosses a cell in 0.0833 s"});
-  CHECK(gas_lines(read(scene_text::all), 3e-4, 0).empty());
+  CHECK(gas_lines(read(scene_text::all), 3e-4, 3).empty());
 }
 
 TEST_CASE("walls that the gas does not see are warned about") {
