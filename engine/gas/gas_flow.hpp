@@ -12,7 +12,8 @@
 
 namespace moraine {
 
-/// What the grains are to the gas at the end of a gas step: values on the cells of the rank's block, with ghost layers that the gas fills.
+/// What the grains are to the gas at the end of a gas step: values on the cells of the rank's block, with ghost layers
+/// that the gas fills.
 struct GasLoad {
   GridField<> void_fraction;  // [-] volume of gas over volume, floor applied
   GridField<> exchange;       // [kg/(m3 s)] beta: force on the gas per volume and velocity, with minus sign
@@ -29,7 +30,8 @@ struct GasReport {
 
 class GasFlow {
  public:
-  /// At rest at `gas.velocity`, without grains. Throws SceneError where the boundaries cannot be (no outlet, and inflow does not balance).
+  /// At rest at `gas.velocity`, without grains. Throws SceneError where the boundaries cannot be (no outlet, and inflow
+  /// does not balance).
   GasFlow(const Gas& gas, Vec3 gravity, const GasGrid& grid, const GasRanks& ranks);
   ~GasFlow();
   GasFlow(GasFlow&&) noexcept;
@@ -37,20 +39,24 @@ class GasFlow {
 
   /// A load without grains, of this rank's block.
   GasLoad empty_load() const;
-  /// From `time` to time + step [s], to the void fractions of `load`. The first call takes them as having been there before. All ranks of the gas.
+  /// From `time` to time + step [s], to the void fractions of `load`. The first call takes them as having been there
+  /// before. All ranks of the gas.
   GasReport advance(double time, double step, GasLoad& load);
 
-  /// State on this rank's block, ghosts filled: interstitial velocity at the low faces of cells [m/s] (component by axis), pressure above
-  /// hydrostatic at cells [Pa], void fraction at cells.
+  /// State on this rank's block, ghosts filled: interstitial velocity at the low faces of cells [m/s] (component by
+  /// axis), pressure above hydrostatic at cells [Pa], void fraction at cells.
   const GridField<>& velocity(int axis) const;
   const GridField<>& pressure() const;
   const GridField<>& void_fraction() const;
-  /// What grains feel, at cells, without ghosts filled: mean of the two faces of the velocity [m/s] and of the pressure gradient [Pa/m]
-  /// (beyond the last face between cells the gradient stays as it is; at an outlet it is the one to the outlet).
+  /// What grains feel, at cells, without ghosts filled: mean of the two faces of the velocity [m/s] and of the pressure
+  /// gradient [Pa/m] (beyond the last face between cells the gradient stays as it is; at an outlet it is the one to the
+  /// outlet; with the mean gradient of periodic directions). Means over the last gas step where it was divided, so that
+  /// with its load they give the very forces on the gas.
   const GridField<>& cell_velocity(int axis) const;
   const GridField<>& cell_pressure_gradient(int axis) const;
 
-  /// All that advance() reads of the past, in arrays of this rank's block, to go on from; names and number are fixed by the scene.
+  /// All that advance() reads of the past, in arrays of this rank's block, to go on from; names and number are fixed by
+  /// the scene.
   struct Kept {
     const char* name;
     const char* unit;
@@ -62,8 +68,11 @@ class GasFlow {
   /// After the arrays of kept() have been filled in.
   void restore(const std::vector<double>& numbers);
 
-  /// Rates at the end of the last step, of the whole gas, same on all ranks: mass flow into the domain through each boundary entry [kg/s], momentum in the
-  /// gas [N s], force of the boundaries on the gas by pressure and friction [N] with momentum carried in, drag on the gas [N].
+  /// Of the whole gas, same on all ranks: mass flow into the domain through each boundary entry at the end of the last
+  /// step [kg/s]; momentum in the gas [N s]; and means over the last step: force of the boundaries on the gas by
+  /// pressure, friction and mean pressure gradients, with momentum carried in, and of the grains by drag and (model A)
+  /// pressure gradient [N]. The momentum changes by their sum, to round-off; README.md has the definitions. All ranks
+  /// call it.
   struct Budget {
     std::vector<double> inflow;
     Vec3 momentum, boundary_force, drag;
