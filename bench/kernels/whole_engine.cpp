@@ -67,7 +67,7 @@ void rebuild(benchmark::State& state, Size size, int n_threads) {
 void hash(benchmark::State& state, Size size) {
   Engine engine("bed.toml", size, 1);
   measure(state, engine.work(1),
-          [&] { benchmark::DoNotOptimize(state_hash(World(), engine.particles, *engine.contacts, 1)); });
+          [&] { benchmark::DoNotOptimize(state_hash(World(), engine.particles, *engine.contacts, 1, nullptr)); });
 }
 
 void exact_sum(benchmark::State& state, std::size_t n) {
