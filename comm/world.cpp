@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <climits>
 #include <cstdlib>
 #include <stdexcept>
@@ -22,6 +23,19 @@ int count_of(std::size_t n) {
   return static_cast<int>(n);
 }
 
+/// Adds its lifetime to a sum [s].
+class Timed {
+ public:
+  explicit Timed(double& sum) : sum_(sum) {}
+  ~Timed() { sum_ += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
+  Timed(const Timed&) = delete;
+  Timed& operator=(const Timed&) = delete;
+
+ private:
+  double& sum_;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
 }  // namespace
 
 struct World::Group {
@@ -29,6 +43,7 @@ struct World::Group {
   bool ends_mpi = false;
   int rank = 0, size = 1;
   unsigned n_exchanges = 0;
+  WorldTimes times;
 
   Group(MPI_Comm comm, bool is_last) : communicator(comm), ends_mpi(is_last) {
     MPI_Comm_rank(comm, &rank);
@@ -76,26 +91,31 @@ std::optional<World> World::first(int n) const {
 
 void World::max(std::span<double> values) const {
   if (is_alone()) return;
+  const Timed timed(group_->times.reductions);
   MPI_Allreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_DOUBLE, MPI_MAX, group_->communicator);
 }
 
 void World::max(std::span<std::uint64_t> values) const {
   if (is_alone()) return;
+  const Timed timed(group_->times.reductions);
   MPI_Allreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_UINT64_T, MPI_MAX, group_->communicator);
 }
 
 void World::sum(std::span<std::int64_t> values) const {
   if (is_alone()) return;
+  const Timed timed(group_->times.reductions);
   MPI_Allreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_INT64_T, MPI_SUM, group_->communicator);
 }
 
 void World::sum(std::span<std::uint64_t> values) const {
   if (is_alone()) return;
+  const Timed timed(group_->times.reductions);
   MPI_Allreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_UINT64_T, MPI_SUM, group_->communicator);
 }
 
 std::uint64_t World::sum_before(std::uint64_t value) const {
   if (is_alone()) return 0;
+  const Timed timed(group_->times.reductions);
   std::uint64_t before = 0;
   MPI_Exscan(&value, &before, 1, MPI_UINT64_T, MPI_SUM, group_->communicator);
   return is_root() ? 0 : before;  // the first rank's is not defined
@@ -103,13 +123,17 @@ std::uint64_t World::sum_before(std::uint64_t value) const {
 
 std::vector<std::uint64_t> World::gather(std::uint64_t value) const {
   std::vector<std::uint64_t> all(static_cast<std::size_t>(size()), value);
-  if (!is_alone()) MPI_Allgather(&value, 1, MPI_UINT64_T, all.data(), 1, MPI_UINT64_T, group_->communicator);
+  if (is_alone()) return all;
+  const Timed timed(group_->times.reductions);
+  MPI_Allgather(&value, 1, MPI_UINT64_T, all.data(), 1, MPI_UINT64_T, group_->communicator);
   return all;
 }
 
 std::vector<double> World::gather(double value) const {
   std::vector<double> all(static_cast<std::size_t>(size()), value);
-  if (!is_alone()) MPI_Allgather(&value, 1, MPI_DOUBLE, all.data(), 1, MPI_DOUBLE, group_->communicator);
+  if (is_alone()) return all;
+  const Timed timed(group_->times.reductions);
+  MPI_Allgather(&value, 1, MPI_DOUBLE, all.data(), 1, MPI_DOUBLE, group_->communicator);
   return all;
 }
 
@@ -126,6 +150,7 @@ std::vector<std::string> World::gather_at_root(const std::string& text) const {
 
 void World::broadcast(std::vector<std::byte>& bytes, int root) const {
   if (is_alone()) return;
+  const Timed timed(group_->times.reductions);
   std::uint64_t size = bytes.size();
   MPI_Bcast(&size, 1, MPI_UINT64_T, root, group_->communicator);
   bytes.resize(size);
@@ -144,6 +169,7 @@ void World::broadcast(std::string& text, int root) const {
 
 std::vector<Parcel> World::exchange(std::vector<Parcel> parcels) const {
   if (is_alone()) return parcels;
+  const Timed timed(group_->times.parcels);
   const MPI_Comm comm = group_->communicator;
   const int parcel_tag = parcel_tags[group_->n_exchanges++ % parcel_tags.size()];
   std::vector<Parcel> arrived;
@@ -190,8 +216,12 @@ std::vector<Parcel> World::exchange(std::vector<Parcel> parcels) const {
 }
 
 void World::wait_for_all() const {
-  if (!is_alone()) MPI_Barrier(group_->communicator);
+  if (is_alone()) return;
+  const Timed timed(group_->times.reductions);
+  MPI_Barrier(group_->communicator);
 }
+
+WorldTimes World::times() const { return group_ ? group_->times : WorldTimes(); }
 
 void World::abort(int code) const {
   if (group_) MPI_Abort(group_->communicator, code);

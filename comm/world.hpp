@@ -21,6 +21,12 @@ struct Parcel {
   std::vector<std::byte> bytes;
 };
 
+/// Time that a rank has spent in its World [s], waiting for others included.
+struct WorldTimes {
+  double reductions = 0.0;  // maxima, sums, broadcasts, barriers
+  double parcels = 0.0;     // exchange()
+};
+
 class World {
  public:
   /// One rank, without MPI.
@@ -59,6 +65,9 @@ class World {
   std::vector<Parcel> exchange(std::vector<Parcel> parcels) const;
   /// Until all ranks have come here. All ranks call it.
   void wait_for_all() const;
+
+  /// Since the start of this World; zero where alone.
+  WorldTimes times() const;
 
   /// Ends the whole job at once with this exit code. Any rank may call it.
   [[noreturn]] void abort(int code) const;

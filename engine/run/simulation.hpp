@@ -27,6 +27,7 @@ struct GasTotals {
   std::uint64_t n_floored = 0;     // cells taken as less dense than they were, summed over steps
   double least_void_fraction = 1.0;
   double momentum_error = 0.0;  // [-] largest difference of what the gas lost and the grains got
+  bool operator==(const GasTotals&) const = default;
 };
 
 /// The run cannot go on: what happened to which grain, with its contacts, and the likely cure.

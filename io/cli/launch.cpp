@@ -14,8 +14,8 @@
 #include <cstring>
 #include <fstream>
 #include <set>
-#include <sstream>
 
+#include "io/cli/child.hpp"
 #include "io/cli/interrupt.hpp"
 
 namespace moraine {
@@ -165,15 +165,8 @@ std::vector<std::string> mpirun_options(const Layout& layout, const Place& place
 }
 
 fs::path find_mpirun(const Layout& layout) {
-  const char* path = std::getenv("PATH");
-  for (const char* name : {"mpirun.openmpi", "mpirun"}) {  // Debian's name where several kinds of MPI are installed
-    std::istringstream folders(path == nullptr ? "" : path);
-    for (std::string folder; std::getline(folders, folder, ':');) {
-      const fs::path file = fs::path(folder.empty() ? "." : folder) / name;
-      std::error_code ignored;
-      if (access(file.c_str(), X_OK) == 0 && !fs::is_directory(file, ignored)) return file;
-    }
-  }
+  for (const char* name : {"mpirun.openmpi", "mpirun"})  // Debian's name where several kinds of MPI are installed
+    if (const std::optional<fs::path> file = find_program(name)) return *file;
   throw UsageError("layout " + layout.text() +
                    " needs mpirun, and there is none in PATH: install Open MPI (Debian: apt-get install openmpi-bin), "
                    "or use one rank: --layout 1x" +

@@ -8,6 +8,7 @@
 
 #include <CLI/CLI.hpp>
 #include <array>
+#include <charconv>
 #include <cstdio>
 #include <cstdlib>
 #include <functional>
@@ -22,6 +23,7 @@
 #include "io/cli/layout.hpp"
 #include "io/cli/project_command.hpp"
 #include "io/cli/run_command.hpp"
+#include "io/cli/scale_command.hpp"
 #include "io/cli/version.hpp"
 #include "io/export/export.hpp"
 #include "io/export/render.hpp"
@@ -64,6 +66,16 @@ void add_scene_options(CLI::App& command, std::filesystem::path& scene, std::vec
   command.add_option("--layout", layout, "RANKSxTHREADS, or auto: all cores that this process may use");
 }
 
+/// What a whole number must be; without it CLI11 takes -1 for a very large one.
+std::function<std::string(const std::string&)> at_least(std::uint64_t least) {
+  return [least](const std::string& text) {
+    std::uint64_t value = 0;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    const bool is_good = error == std::errc() && end == text.data() + text.size() && value >= least;
+    return is_good ? std::string() : "expected a whole number from " + std::to_string(least) + ", found " + text;
+  };
+}
+
 void add_run(CLI::App& app, Command& chosen, const World& world, Log& log, std::vector<std::string> command_line) {
   auto* command = app.add_subcommand("run", "runs a scene");
   auto request = std::make_shared<RunRequest>();
@@ -75,6 +87,18 @@ void add_run(CLI::App& app, Command& chosen, const World& world, Log& log, std::
       "--restart", request->restart,
       "goes on from a checkpoint FILE, or auto: from the latest sound one of the newest run (or --out)");
   command->add_option("--until", request->until, "stops at this time [s], with a checkpoint");
+  command
+      ->add_option("--steps", request->steps,
+                   "ends after so many more steps (after those of --warm-up), with a checkpoint")
+      ->check(at_least(1))
+      ->excludes("--until");
+  command
+      ->add_option("--warm-up", request->warm_up,
+                   "steps at the beginning that speed, phases and counts at the end leave out")
+      ->check(at_least(0));
+  command->add_flag(
+      "!--no-output", request->has_outputs,
+      "for timing: no snapshots, probes and checkpoints, also not at the end; summary.json and summary.txt only");
   command->get_option("--until")->check([](const std::string& text) {
     double value = 0.0;
     return CLI::detail::lexical_cast(text, value) && value > 0.0 ? std::string()
@@ -123,6 +147,44 @@ void add_project(CLI::App& app, Command& chosen) {
       return exit_code::good;
     };
   });
+}
+
+void add_scale(CLI::App& app, Command& chosen, Log& log, const std::string& program) {
+  auto* command = app.add_subcommand(
+      "scale", "runs a scene on one layout after the other: speed-up, efficiency, and where the rest of the time goes");
+  auto request = std::make_shared<ScaleRequest>();
+  request->program = program;
+  command->add_option("SCENE", request->scene_file, "scene file (TOML)")->required();
+  auto* kinds = command->add_option_group("kind");
+  kinds->add_flag_callback(
+      "--strong", [request] { request->kind = ScaleKind::strong; }, "the same scene on all layouts");
+  kinds->add_flag_callback(
+      "--weak", [request] { request->kind = ScaleKind::weak; },
+      "the scene grows with the number of cores, by its own rule (scale.weak; moraine keys)");
+  kinds->require_option(1);
+  command->add_option("--layouts", request->layouts,
+                      "RANKSxTHREADS, such as 1x1,1x4,2x2 (default: all on 1, 2, 4 ... cores, and on all)");
+  command->add_option("--steps", request->steps, "steps that are timed (default: 300, or as many as the scene has)")
+      ->check(at_least(1));
+  command->add_option("--warm-up", request->warm_up, "steps before them (default: 100, or as many as the scene has)")
+      ->check(at_least(0));
+  command->add_option("--repeats", request->repeats, "runs of each layout (default: 3)")->check(at_least(1));
+  command->add_option("--out", request->out,
+                      "directory for the results (default: runs/scale-NAME, with --weak runs/scale-NAME-weak); a sweep "
+                      "that was interrupted goes on in it");
+  command
+      ->add_option("--project", request->projected,
+                   "also shows what so many ranks would do, such as 16,64,256, by the model of moraine project")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  command->add_option("--network", request->network, "file with the network of the projection, as for moraine project")
+      ->needs("--project");
+  command->add_option("--set", request->overrides, "changes a key of the scene: KEY=VALUE, as often as wanted")
+      ->type_name("KEY=VALUE")
+      ->type_size(1)
+      ->allow_extra_args(false)
+      ->take_all();
+  command->callback([&chosen, &log, request] { chosen = [&log, request] { return scale_scene(*request, log); }; });
 }
 
 void add_info(CLI::App& app, Command& chosen) {
@@ -279,6 +341,7 @@ int run_program(int argc, char** argv, const World& world) {
   Log log = world.is_root() ? Log() : Log::mute();
   add_run(app, chosen, world, log, own_command_line(argc, argv));
   add_check(app, chosen);
+  add_scale(app, chosen, log, own_command_line(argc, argv).front());
   add_project(app, chosen);
   add_info(app, chosen);
   add_compare(app, chosen);
@@ -300,7 +363,8 @@ int run_program(int argc, char** argv, const World& world) {
     const int code = world.is_root() ? app.exit(error) : app.exit(error, nowhere, nowhere);
     return code == 0 ? exit_code::good : exit_code::bad_input;
   }
-  return carry_out(chosen, app.got_subcommand("run"), world);
+  const bool is_run = app.got_subcommand("run") || app.got_subcommand("scale");
+  return carry_out(chosen, is_run, world);
 }
 
 }  // namespace

@@ -188,9 +188,21 @@ Simulation make_simulation(const Scene& scene, const Layout& layout, const Start
   return simulation;
 }
 
+/// The last step of a run that is to take so many.
+std::uint64_t last_of_so_many(const RunRequest& request, const Simulation& simulation, Log& log) {
+  const std::uint64_t first = simulation.step_number(), n_steps = simulation.plan().n_steps;
+  const std::uint64_t n_left = n_steps > first ? n_steps - first : 0;
+  const std::uint64_t wanted = request.warm_up + *request.steps;
+  if (wanted > n_left)
+    log.warn(fmt::format("the scene ends after {}, before the {} of --warm-up and --steps (a later time.end goes on)",
+                         counted(n_left, "step"), wanted));
+  return first + std::min(wanted, n_left);
+}
+
 /// The last step of this process.
 std::uint64_t last_step(const RunRequest& request, const Simulation& simulation, Log& log) {
   const std::uint64_t n_steps = simulation.plan().n_steps;
+  if (request.steps) return last_of_so_many(request, simulation, log);
   if (!request.until) return n_steps;
   const std::uint64_t wanted = steps_until(*request.until, simulation.time_step());
   if (wanted > n_steps)
@@ -237,8 +249,8 @@ class RunLoop {
         simulation_(simulation),
         world_(simulation.world()),
         log_(log),
-        last_step_(last_step(request, simulation, log)),
-        outputs_(start.directory, simulation, std::move(record), kept_until(start), log) {
+        last_step_(last_step(request, simulation, log)) {
+    if (request.has_outputs) outputs_.emplace(start.directory, simulation, std::move(record), kept_until(start), log);
     times_.start = start_seconds;
     is_new_ = !start.checkpoint;
     if (start.checkpoint) resume_from_ = start.checkpoint_path;
@@ -264,22 +276,43 @@ class RunLoop {
 
  private:
   int go() {
-    if (is_new_) outputs_.write_due(simulation_);
+    if (is_new_ && outputs_) outputs_->write_due(simulation_);
     Progress progress(log_, simulation_.step_number(), last_step_, simulation_.time_step());
+    mark_.cpus = cpus_of_threads(layout_.threads);
     while (simulation_.step_number() < last_step_ && !is_to_stop()) {
-      const WallClock clock;
-      simulation_.step();
-      times_.stepping += clock.seconds();
-      times_.particle_steps += static_cast<double>(simulation_.n_grains());
-      ++times_.n_steps;
-      outputs_.write_due(simulation_);
+      step();
       progress.update(simulation_.step_number(), simulation_.n_grains());
     }
+    times_.cpus = cpus_of_threads(layout_.threads);
     const bool is_interrupted = simulation_.step_number() < last_step_;
     // The last state is worth a look; an interrupted run will come by the snapshots that it owes.
-    if (!is_interrupted) outputs_.write_snapshot_now(simulation_);
-    outputs_.write_checkpoint_now(simulation_);
+    if (outputs_ && !is_interrupted) outputs_->write_snapshot_now(simulation_);
+    if (outputs_) outputs_->write_checkpoint_now(simulation_);
     return is_interrupted ? end_interrupted() : end_well();
+  }
+
+  void step() {
+    const WallClock clock;
+    const WorldTimes before = world_.times();
+    simulation_.step();
+    times_.stepping += clock.seconds();
+    times_.world.reductions += world_.times().reductions - before.reductions;
+    times_.world.parcels += world_.times().parcels - before.parcels;
+    times_.particle_steps += static_cast<double>(simulation_.n_grains());
+    ++times_.n_steps;
+    if (outputs_) outputs_->write_due(simulation_);
+    if (times_.n_warm_up < request_.warm_up && times_.n_steps == request_.warm_up) end_warm_up();
+  }
+
+  /// From here on it counts.
+  void end_warm_up() {
+    world_.wait_for_all();  // all begin together
+    RunTimes counted_from_here;
+    counted_from_here.start = times_.start;
+    counted_from_here.n_warm_up = times_.n_steps;
+    times_ = counted_from_here;
+    outputs_before_ = outputs_ ? outputs_->seconds() : 0.0;
+    mark_ = mark_of(simulation_, layout_.threads);
   }
 
   bool is_to_stop() {
@@ -287,20 +320,28 @@ class RunLoop {
     return simulation_.is_stop_agreed();
   }
 
-  void finish() {
-    times_.outputs = outputs_.seconds();
-    const std::string text = summary(simulation_, times_, directory_.string(), layout_.text());
+  /// `signal`: that has ended the run, or 0.
+  void finish(int signal) {
+    if (outputs_) times_.outputs = outputs_->seconds() - outputs_before_;
+    RunSummary run = summarize(simulation_, times_, mark_);
     if (!world_.is_root()) return;
+    run.scene_file = request_.scene_file.string();
+    run.layout = layout_.text();
+    run.directory = directory_.string();
+    run.signal = signal;
+    const std::string text = summary_text(run);
     write_file(directory_ / "summary.txt", text + '\n');
+    write_file(directory_ / "summary.json", summary_json(run));
     log_.say(text);
   }
 
   int end_well() {
-    if (outputs_.n_snapshots() > 0)
-      log_.say(fmt::format("{} in {}", counted(outputs_.n_snapshots(), "snapshot"),
+    if (world_.is_root() && outputs_ && outputs_->n_snapshots() > 0)
+      log_.say(fmt::format("{} in {}", counted(outputs_->n_snapshots(), "snapshot"),
                            (directory_ / "snapshots.xdmf").string()));
-    finish();
-    if (last_step_ < simulation_.plan().n_steps) log_.say("to go on: " + go_on_command(request_, directory_));
+    finish(0);
+    if (outputs_ && last_step_ < simulation_.plan().n_steps)
+      log_.say("to go on: " + go_on_command(request_, directory_));
     return exit_code::good;
   }
 
@@ -308,9 +349,13 @@ class RunLoop {
     auto noted = static_cast<std::uint64_t>(InterruptGuard::signal());
     world_.max(std::span(&noted, 1));  // not all ranks need have been told
     const int signal = static_cast<int>(noted);
-    finish();
-    log_.say(fmt::format("ended by signal {} at {:.6g} s, checkpoint {}\nto go on: {}", signal, simulation_.time(),
-                         outputs_.last_checkpoint()->string(), go_on_command(request_, directory_)));
+    finish(signal);
+    if (outputs_)
+      log_.say(fmt::format("ended by signal {} at {:.6g} s, checkpoint {}\nto go on: {}", signal, simulation_.time(),
+                           outputs_->last_checkpoint()->string(), go_on_command(request_, directory_)));
+    else
+      log_.say(fmt::format("ended by signal {} at {:.6g} s, without a checkpoint (--no-output)", signal,
+                           simulation_.time()));
     return exit_code::signal + signal;
   }
 
@@ -343,7 +388,8 @@ class RunLoop {
     try {
       log.error(text);
     } catch (const StorageError&) {}
-    const std::optional<fs::path> checkpoint = outputs_.last_checkpoint() ? outputs_.last_checkpoint() : resume_from_;
+    const bool has_own = outputs_ && outputs_->last_checkpoint();
+    const std::optional<fs::path> checkpoint = has_own ? outputs_->last_checkpoint() : resume_from_;
     try {
       log.say(how_to_go_on(request_, directory_, checkpoint));
     } catch (const StorageError&) {}
@@ -356,8 +402,10 @@ class RunLoop {
   World world_;
   Log& log_;
   std::uint64_t last_step_;
-  Outputs outputs_;
+  std::optional<Outputs> outputs_;  // none: the run is for its timing only
   RunTimes times_;
+  RunMark mark_;
+  double outputs_before_ = 0.0;  // [s] of output in the warm-up
   bool is_new_ = true;
   std::optional<fs::path> resume_from_;
 };
@@ -445,6 +493,9 @@ int run_scene(const RunRequest& request, Log& log, const World& world) {
     log.warn(fmt::format("layout {} asks for more threads than the {} cores that this process may use",
                          given.layout.text(), available_cores()));
   const Start start = find_start(request, scene, world, log);
+  if (!request.has_outputs && start.goes_on_in_directory)
+    throw UsageError("--no-output would leave gaps in the results of " + start.directory.string() +
+                     ", where the run goes on; give it a directory of its own by --out");
 
   if (!world.is_root()) return run_in_place(request, scene, start, given.layout, world, clock, log);
   const MadeDirectories made(

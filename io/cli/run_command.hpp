@@ -1,6 +1,7 @@
 // moraine run: a scene from its file to its results.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -18,6 +19,9 @@ struct RunRequest {
   std::optional<std::filesystem::path> out;  // none: see new_run_directory()
   std::optional<std::string> restart;        // "auto" or a checkpoint
   std::optional<double> until;               // [s]
+  std::optional<std::uint64_t> steps;        // ends after so many, those of the warm-up not counted
+  std::uint64_t warm_up = 0;                 // steps before those that speed and phases are of
+  bool has_outputs = true;                   // false: no snapshots, checkpoints and probes, also not at the end
   std::vector<std::string> command_line;     // program and arguments of this request, to start ranks by
 };
 

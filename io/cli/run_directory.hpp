@@ -5,6 +5,7 @@
 //   snapshots/        HDF5                      snapshots.xdmf    for ParaView
 //   checkpoints/      HDF5                      hashes.csv        state hash at each snapshot
 //   NAME.csv          a probe                   energy.csv        the energy ledger
+//   summary.json      the same for programs, with all that is known of each rank
 #pragma once
 
 #include <filesystem>

@@ -2,65 +2,240 @@
 
 #include <fmt/format.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "io/checkpoint/durable_file.hpp"
+#include "io/cli/layout.hpp"
 #include "io/cli/text.hpp"
+#include "io/cli/version.hpp"
 
 namespace moraine {
+
+using Json = nlohmann::ordered_json;
 
 namespace {
 
 constexpr double worth_a_row = 0.0005;  // of the whole
+constexpr int json_format = 1;          // of summary.json
 
-/// Time of a phase over the ranks [s].
-struct RankTimes {
-  std::string name;
-  double mean = 0.0;
-  double largest = 0.0;
-};
-
-/// Where the time of this rank went.
-std::vector<PhaseTime> times_of_rank(const Simulation& simulation, const RunTimes& times) {
+/// The phases of the steps of this rank, since counting began.
+std::vector<PhaseTime> phases_of_steps(const Simulation& simulation, const RunTimes& times, const RunMark& mark) {
   std::vector<PhaseTime> rows = simulation.phases();
-  // What the simulation sees as the time between its steps is ours to share out: start and output.
+  for (std::size_t i = 0; i < std::min(rows.size(), mark.phases.size()); ++i) rows[i].seconds -= mark.phases[i].seconds;
+  // What the simulation sees as the time between its steps is start and output, which have rows of their own.
   std::erase_if(rows, [](const PhaseTime& row) { return row.name == "outside the step"; });
   double in_phases = 0.0;
   for (const PhaseTime& row : rows) in_phases += row.seconds;
-  // Phases are those of the steps; what the steps took beyond them is shown, not hidden.
+  // What the steps took beyond their phases is shown, not hidden.
   rows.push_back({"other", std::max(times.stepping - in_phases, 0.0)});
-  rows.push_back({"output", times.outputs});
-  rows.push_back({"start", times.start});
   return rows;
 }
 
-std::string phase_table(const Simulation& simulation, const RunTimes& times) {
-  const World& world = simulation.world();
-  std::vector<RankTimes> rows;
-  RankTimes whole{"total"};
-  for (const PhaseTime& row : times_of_rank(simulation, times)) {
-    const std::vector<double> seconds = world.gather(row.seconds);
-    const double mean = std::accumulate(seconds.begin(), seconds.end(), 0.0) / static_cast<double>(seconds.size());
-    rows.push_back({row.name, mean, *std::max_element(seconds.begin(), seconds.end())});
-    whole.mean += mean;
-  }
-  const auto line = [&](const RankTimes& row) {
-    std::string text = fmt::format("{:<28}{:>12.3f}{:>10.1f}", row.name, row.mean, 100.0 * row.mean / whole.mean);
-    if (row.largest > 0.0 && !world.is_alone()) text += fmt::format("{:>12.3f}", row.largest);
-    return text + '\n';
-  };
-  std::string text = fmt::format("{:<28}{:>12}{:>10}", "phase", "seconds", "percent");
-  text += world.is_alone() ? "\n" : fmt::format("{:>12}\n", "largest");
-  for (const RankTimes& row : rows)
-    if (row.largest > worth_a_row * whole.mean) text += line(row);
-  return text + line(whole);
+RankSummary this_rank(const Simulation& simulation, const RunTimes& times, const RunMark& mark,
+                      const std::vector<PhaseTime>& phases) {
+  const HaloCounts halo = simulation.halo_counts();
+  RankSummary rank;
+  for (const PhaseTime& phase : phases) rank.phases.push_back(phase.seconds);
+  rank.stepping = times.stepping;
+  rank.start = times.start;
+  rank.outputs = times.outputs;
+  rank.reductions = times.world.reductions;
+  rank.parcels = times.world.parcels;
+  rank.n_grains = simulation.n_own_grains();
+  rank.n_pairs = static_cast<std::uint64_t>(simulation.n_own_pairs());
+  rank.n_ghosts = halo.n_ghosts;
+  rank.n_neighbours = halo.n_neighbours;
+  rank.n_messages = halo.n_messages;
+  rank.n_bytes = halo.n_bytes;
+  rank.n_migrated = simulation.n_migrated() - mark.n_migrated;
+  rank.memory = simulation.memory();
+  rank.peak_memory = peak_memory();
+  rank.places = {node_name(), mark.cpus, times.cpus, {}, available_cores()};
+  for (const int cpu : rank.places.cpus) rank.places.cores.push_back(core_of(cpu));
+  return rank;
 }
 
-double sum_over_ranks(const World& world, double bytes) {
-  const std::vector<double> all = world.gather(bytes);
-  return std::accumulate(all.begin(), all.end(), 0.0);
+Json json_of(const RankSummary& rank) {
+  return {{"node", rank.places.node},
+          {"grains", rank.n_grains},
+          {"pairs", rank.n_pairs},
+          {"ghosts", rank.n_ghosts},
+          {"neighbours", rank.n_neighbours},
+          {"messages_per_step", rank.n_messages},
+          {"bytes_per_step", rank.n_bytes},
+          {"migrated", rank.n_migrated},
+          {"stepping_seconds", rank.stepping},
+          {"start_seconds", rank.start},
+          {"output_seconds", rank.outputs},
+          {"reduction_seconds", rank.reductions},
+          {"parcel_seconds", rank.parcels},
+          {"phase_seconds", rank.phases},
+          {"memory", rank.memory},
+          {"peak_memory", rank.peak_memory},
+          {"cpus_allowed", rank.places.n_allowed},
+          {"cpus_before", rank.places.cpus_before},
+          {"cpus", rank.places.cpus},
+          {"cores", rank.places.cores}};
 }
+
+RankSummary rank_of(const Json& json) {
+  RankSummary rank;
+  json.at("node").get_to(rank.places.node);
+  json.at("grains").get_to(rank.n_grains);
+  json.at("pairs").get_to(rank.n_pairs);
+  json.at("ghosts").get_to(rank.n_ghosts);
+  json.at("neighbours").get_to(rank.n_neighbours);
+  json.at("messages_per_step").get_to(rank.n_messages);
+  json.at("bytes_per_step").get_to(rank.n_bytes);
+  json.at("migrated").get_to(rank.n_migrated);
+  json.at("stepping_seconds").get_to(rank.stepping);
+  json.at("start_seconds").get_to(rank.start);
+  json.at("output_seconds").get_to(rank.outputs);
+  json.at("reduction_seconds").get_to(rank.reductions);
+  json.at("parcel_seconds").get_to(rank.parcels);
+  json.at("phase_seconds").get_to(rank.phases);
+  json.at("memory").get_to(rank.memory);
+  json.at("peak_memory").get_to(rank.peak_memory);
+  json.at("cpus_allowed").get_to(rank.places.n_allowed);
+  json.at("cpus_before").get_to(rank.places.cpus_before);
+  json.at("cpus").get_to(rank.places.cpus);
+  json.at("cores").get_to(rank.places.cores);
+  return rank;
+}
+
+Json json_of(const OverRanks& value) { return {{"mean", value.mean}, {"largest", value.largest}}; }
+
+Json phases_json(const RunSummary& run) {
+  Json phases = Json::array();
+  for (std::size_t i = 0; i < run.phases.size(); ++i) {
+    Json phase = {{"name", run.phases[i]}};
+    phase.update(json_of(run.phase(i)));
+    for (const RankSummary& rank : run.ranks) phase["ranks"].push_back(rank.phases[i]);
+    phases.push_back(phase);
+  }
+  return phases;
+}
+
+/// Numbers over the ranks that can be worked out from theirs: for whoever reads the file; not read back.
+Json derived_json(const RunSummary& run) {
+  const Pinning pinning = run.pinning();
+  const auto sum = [&](auto member) { return run.over_ranks([&](const RankSummary& r) { return r.*member; }).sum; };
+  return {{"seconds", run.seconds()},
+          {"particle_steps_per_second", run.speed()},
+          {"waiting", json_of(run.waiting())},
+          {"reductions", json_of(run.over_ranks([](const RankSummary& r) { return r.reductions; }))},
+          {"parcels", json_of(run.over_ranks([](const RankSummary& r) { return r.parcels; }))},
+          {"grain_imbalance", run.grain_imbalance()},
+          {"work_imbalance", run.work_imbalance()},
+          {"ghosts", sum(&RankSummary::n_ghosts)},
+          {"messages_per_step", sum(&RankSummary::n_messages)},
+          {"bytes_per_step", sum(&RankSummary::n_bytes)},
+          {"migrated", sum(&RankSummary::n_migrated)},
+          {"peak_memory", sum(&RankSummary::peak_memory)},
+          {"threads", pinning.n_threads},
+          {"threads_that_moved", pinning.n_moved},
+          {"threads_on_shared_cpus", pinning.n_on_shared_cpus},
+          {"threads_on_shared_cores", pinning.n_on_shared_cores}};
+}
+
+Json json_of(const GasTotals& gas) {
+  return {{"steps", gas.n_steps},
+          {"parts", gas.n_parts},
+          {"iterations", gas.n_iterations},
+          {"mass_imbalance", gas.imbalance},
+          {"cells_floored", gas.n_floored},
+          {"least_void_fraction", gas.least_void_fraction},
+          {"momentum_error", gas.momentum_error}};
+}
+
+GasTotals gas_of(const Json& json) {
+  GasTotals gas;
+  json.at("steps").get_to(gas.n_steps);
+  json.at("parts").get_to(gas.n_parts);
+  json.at("iterations").get_to(gas.n_iterations);
+  json.at("mass_imbalance").get_to(gas.imbalance);
+  json.at("cells_floored").get_to(gas.n_floored);
+  json.at("least_void_fraction").get_to(gas.least_void_fraction);
+  json.at("momentum_error").get_to(gas.momentum_error);
+  return gas;
+}
+
+RunSummary summary_of(const Json& json) {
+  RunSummary run;
+  json.at("scene").at("file").get_to(run.scene_file);
+  json.at("scene").at("title").get_to(run.title);
+  json.at("program").at("version").get_to(run.version);
+  json.at("program").at("commit").get_to(run.commit);
+  json.at("machine").at("processor").get_to(run.processor);
+  json.at("machine").at("cpus").get_to(run.n_cpus);
+  json.at("layout").get_to(run.layout);
+  json.at("directory").get_to(run.directory);
+  json.at("ended_by_signal").get_to(run.signal);
+  json.at("time_step").get_to(run.time_step);
+  json.at("time").get_to(run.time);
+  json.at("steps").get_to(run.n_steps);
+  json.at("warm_up_steps").get_to(run.n_warm_up);
+  json.at("particle_steps").get_to(run.particle_steps);
+  json.at("grains").at("born").get_to(run.n_born);
+  json.at("grains").at("inside").get_to(run.n_grains);
+  json.at("grains").at("left").get_to(run.n_left);
+  json.at("rebuilds").get_to(run.n_rebuilds);
+  json.at("looks").get_to(run.n_looks);
+  json.at("cuts").get_to(run.n_cuts);
+  json.at("state_hash").get_to(run.hash);
+  if (const auto gas = json.find("gas"); gas != json.end()) run.gas = gas_of(*gas);
+  for (const Json& phase : json.at("phases")) run.phases.push_back(phase.at("name"));
+  for (const Json& rank : json.at("ranks")) {
+    run.ranks.push_back(rank_of(rank));
+    if (run.ranks.back().phases.size() != run.phases.size())
+      throw std::runtime_error("a rank lacks some of the phases");
+  }
+  if (run.ranks.empty()) throw std::runtime_error("it has no ranks");
+  return run;
+}
+
+std::string gas_text(const GasTotals& gas) {
+  const auto per_step = [&](std::uint64_t n) {
+    return static_cast<double>(n) / static_cast<double>(std::max<std::uint64_t>(gas.n_steps, 1));
+  };
+  std::string text = fmt::format(
+      "gas: {} in {:.3g} parts each, {:.3g} iterations a part; mass imbalance at most {:.1e} of a cell's gas, momentum "
+      "to and from grains equal to {:.1e}\n",
+      counted(gas.n_steps, "step"), per_step(gas.n_parts),
+      static_cast<double>(gas.n_iterations) / static_cast<double>(std::max<std::uint64_t>(gas.n_parts, 1)),
+      gas.imbalance, gas.momentum_error);
+  text += fmt::format("void fraction: at least {:.3f}", gas.least_void_fraction);
+  if (gas.n_floored > 0)
+    text += fmt::format("; taken as gas.least_void_fraction in {:.3g} cells a step", per_step(gas.n_floored));
+  return text + '\n';
+}
+
+std::string phase_table(const RunSummary& run) {
+  const bool is_alone = run.ranks.size() == 1;
+  std::vector<std::pair<std::string, OverRanks>> rows;
+  for (std::size_t i = 0; i < run.phases.size(); ++i) rows.emplace_back(run.phases[i], run.phase(i));
+  rows.emplace_back("output", run.over_ranks([](const RankSummary& r) { return r.outputs; }));
+  rows.emplace_back("start", run.over_ranks([](const RankSummary& r) { return r.start; }));
+  double whole = 0.0;
+  for (const auto& [name, seconds] : rows) whole += seconds.mean;
+  const auto line = [&](const std::string& name, double seconds) {
+    return fmt::format("{:<28}{:>12.3f}{:>10.1f}", name, seconds, 100.0 * seconds / whole);
+  };
+  std::string text = fmt::format("{:<28}{:>12}{:>10}", "phase", "seconds", "percent");
+  text += is_alone ? "\n" : fmt::format("{:>12}\n", "largest");
+  for (const auto& [name, seconds] : rows) {
+    if (seconds.largest <= worth_a_row * whole) continue;
+    text += line(name, seconds.mean);
+    text += is_alone ? "\n" : fmt::format("{:>12.3f}\n", seconds.largest);
+  }
+  return text + line("total", whole) + '\n';
+}
+
+double imbalance(const OverRanks& value) { return value.mean > 0.0 ? value.largest / value.mean : 1.0; }
 
 }  // namespace
 
@@ -70,38 +245,124 @@ double peak_memory() {
   return 1024.0 * static_cast<double>(usage.ru_maxrss);
 }
 
-std::string summary(const Simulation& simulation, const RunTimes& times, const std::string& directory,
-                    const std::string& layout) {
-  std::string text = phase_table(simulation, times);
-  text += fmt::format("{} of {:.6g} s to {:.6g} s simulated, layout {}, {}\n", counted(times.n_steps, "step"),
-                      simulation.time_step(), simulation.time(), layout, counted(simulation.n_rebuilds(), "rebuild"));
-  if (times.stepping > 0.0)
-    text += fmt::format("speed: {:.2f} M particle-steps/s\n", 1e-6 * times.particle_steps / times.stepping);
-  text += fmt::format("grains: {} born, {} inside, {} left\n", simulation.n_born(), simulation.n_grains(),
-                      simulation.n_left());
-  if (const std::optional<GasTotals> gas = simulation.gas_totals(); gas && gas->n_steps > 0) {
-    const auto per_step = [&](std::uint64_t n) { return static_cast<double>(n) / static_cast<double>(gas->n_steps); };
-    text += fmt::format(
-        "gas: {} in {:.3g} parts each, {:.3g} iterations a part, largest mass imbalance {:.1e} of a cell's gas, "
-        "momentum to and from "
-        "grains equal to {:.1e}\n",
-        counted(gas->n_steps, "step"), per_step(gas->n_parts),
-        static_cast<double>(gas->n_iterations) / static_cast<double>(std::max<std::uint64_t>(gas->n_parts, 1)),
-        gas->imbalance, gas->momentum_error);
-    text += fmt::format("void fraction: at least {:.3f}", gas->least_void_fraction);
-    if (gas->n_floored > 0)
-      text += fmt::format("; taken as gas.least_void_fraction in {:.3g} cells a step", per_step(gas->n_floored));
-    text += '\n';
-  }
-  const std::string hash =
-      simulation.state_hash().text();  // first: it wants the pair list, which a checkpoint sets aside
-  const double bytes = sum_over_ranks(simulation.world(), peak_memory());
-  const double held = sum_over_ranks(simulation.world(), simulation.memory());
-  const auto n_grains = static_cast<double>(std::max<std::uint64_t>(simulation.n_born(), 1));
+RunMark mark_of(const Simulation& simulation, int n_threads) {
+  return {simulation.phases(), simulation.n_rebuilds(), simulation.n_looks(),
+          simulation.n_cuts(), simulation.n_migrated(), cpus_of_threads(n_threads)};
+}
+
+OverRanks RunSummary::phase(std::size_t i) const {
+  return over_ranks([i](const RankSummary& rank) { return rank.phases[i]; });
+}
+
+OverRanks RunSummary::waiting() const {
+  return over_ranks([this](const RankSummary& rank) {
+    double seconds = 0.0;
+    for (std::size_t i = 0; i < phases.size(); ++i)
+      if (phases[i].starts_with("waiting")) seconds += rank.phases[i];
+    return seconds;
+  });
+}
+
+double RunSummary::seconds() const {
+  return over_ranks([](const RankSummary& rank) { return rank.stepping; }).largest;
+}
+
+double RunSummary::speed() const { return seconds() > 0.0 ? particle_steps / seconds() : 0.0; }
+
+double RunSummary::grain_imbalance() const {
+  return imbalance(over_ranks([](const RankSummary& rank) { return rank.n_grains; }));
+}
+
+double RunSummary::work_imbalance() const {
+  return imbalance(over_ranks([](const RankSummary& rank) { return rank.n_pairs + 4 * rank.n_grains; }));
+}
+
+Pinning RunSummary::pinning() const {
+  std::vector<ThreadPlaces> places;
+  for (const RankSummary& rank : ranks) places.push_back(rank.places);
+  return pinning_of(places);
+}
+
+RunSummary summarize(const Simulation& simulation, const RunTimes& times, const RunMark& mark) {
+  RunSummary run;
+  run.hash = simulation.state_hash().text();  // first: it wants the pair list, which a checkpoint sets aside
+  const std::vector<PhaseTime> phases = phases_of_steps(simulation, times, mark);
+  const std::string own = json_of(this_rank(simulation, times, mark, phases)).dump();
+  for (const std::string& text : simulation.world().gather_at_root(own))
+    run.ranks.push_back(rank_of(Json::parse(text)));
+  for (const PhaseTime& phase : phases) run.phases.push_back(phase.name);
+  run.title = simulation.scene().title;
+  run.version = program_version();
+  run.commit = program_commit();
+  run.processor = processor_name();
+  run.n_cpus = static_cast<int>(sysconf(_SC_NPROCESSORS_ONLN));
+  run.time_step = simulation.time_step();
+  run.time = simulation.time();
+  run.n_steps = times.n_steps;
+  run.n_warm_up = times.n_warm_up;
+  run.particle_steps = times.particle_steps;
+  run.n_born = simulation.n_born();
+  run.n_grains = simulation.n_grains();
+  run.n_left = simulation.n_left();
+  run.gas = simulation.gas_totals();
+  run.n_rebuilds = simulation.n_rebuilds() - mark.n_rebuilds;
+  run.n_looks = simulation.n_looks() - mark.n_looks;
+  run.n_cuts = simulation.n_cuts() - mark.n_cuts;
+  return run;
+}
+
+std::string summary_text(const RunSummary& run) {
+  std::string text = phase_table(run);
+  text += fmt::format("{} of {:.6g} s to {:.6g} s simulated, layout {}, {}\n", counted(run.n_steps, "step"),
+                      run.time_step, run.time, run.layout, counted(run.n_rebuilds, "rebuild"));
+  if (run.n_warm_up > 0) text += fmt::format("warm-up: {} before them, not counted\n", counted(run.n_warm_up, "step"));
+  if (run.speed() > 0.0) text += fmt::format("speed: {:.2f} M particle-steps/s\n", 1e-6 * run.speed());
+  text += fmt::format("grains: {} born, {} inside, {} left\n", run.n_born, run.n_grains, run.n_left);
+  if (run.gas) text += gas_text(*run.gas);
+  const double held = run.over_ranks([](const RankSummary& rank) { return rank.memory; }).sum;
+  const double peak = run.over_ranks([](const RankSummary& rank) { return rank.peak_memory; }).sum;
   text += fmt::format("memory: {} in grains, pairs and contacts; peak memory: {} ({:.0f} bytes a grain)\n",
-                      bytes_text(held), bytes_text(bytes), bytes / n_grains);
-  text += fmt::format("results: {}\n", directory);
-  return text + "state hash: " + hash;
+                      bytes_text(held), bytes_text(peak),
+                      peak / static_cast<double>(std::max<std::uint64_t>(run.n_born, 1)));
+  text += fmt::format("results: {}\n", run.directory);
+  return text + "state hash: " + run.hash;
+}
+
+std::string summary_json(const RunSummary& run) {
+  Json json = {{"format", json_format},
+               {"scene", {{"file", run.scene_file}, {"title", run.title}}},
+               {"program", {{"version", run.version}, {"commit", run.commit}}},
+               {"machine", {{"processor", run.processor}, {"cpus", run.n_cpus}}},
+               {"layout", run.layout},
+               {"directory", run.directory},
+               {"ended_by_signal", run.signal},
+               {"time_step", run.time_step},
+               {"time", run.time},
+               {"steps", run.n_steps},
+               {"warm_up_steps", run.n_warm_up},
+               {"particle_steps", run.particle_steps}};
+  json.update(derived_json(run));
+  json.update({{"grains", {{"born", run.n_born}, {"inside", run.n_grains}, {"left", run.n_left}}},
+               {"rebuilds", run.n_rebuilds},
+               {"looks", run.n_looks},
+               {"cuts", run.n_cuts},
+               {"phases", phases_json(run)},
+               {"state_hash", run.hash}});
+  if (run.gas) json["gas"] = json_of(*run.gas);
+  for (const RankSummary& rank : run.ranks) json["ranks"].push_back(json_of(rank));
+  // Names of files need not be UTF-8.
+  return json.dump(2, ' ', false, Json::error_handler_t::replace) + '\n';
+}
+
+RunSummary read_summary(const std::filesystem::path& file) {
+  const std::string text = read_file(file);
+  try {
+    const Json json = Json::parse(text);
+    if (json.at("format") != json_format) throw std::runtime_error("it is of another version of this program");
+    return summary_of(json);
+  } catch (const std::exception& error) {
+    throw StorageError(file, std::string("is not the summary of a run: ") + error.what());
+  }
 }
 
 }  // namespace moraine

@@ -77,22 +77,6 @@ std::string edited(const std::string& text, const Path& path, const Node& wanted
   return text.substr(0, at) + line + text.substr(at);
 }
 
-/// Keys that name files.
-std::vector<Path> file_keys(const Node& root) {
-  std::vector<Path> keys;
-  const auto add = [&](const char* list, const char* table) {
-    const Node* node = root.find(list);
-    for (std::size_t i = 0; node && i < node->items.size(); ++i) {
-      const Path path = {{list, 0}, {"", i}, {table, 0}, {"file", 0}};
-      if (const Found found = follow(root, path); found.n_steps == path.size() && found.node->kind == Node::Kind::text)
-        keys.push_back(path);
-    }
-  };
-  add("particles", "fill");
-  add("wall", "mesh");
-  return keys;
-}
-
 Node& at(Node& root, const Path& path) { return const_cast<Node&>(*follow(root, path).node); }
 
 /// All edits, or an empty text where one of them did not do what it should.
@@ -116,6 +100,21 @@ std::string edit_all(const std::string& text, const std::vector<std::string>& ov
 }
 
 }  // namespace
+
+std::vector<Path> file_keys(const Node& root) {
+  std::vector<Path> keys;
+  const auto add = [&](const char* list, const char* table) {
+    const Node* node = root.find(list);
+    for (std::size_t i = 0; node && i < node->items.size(); ++i) {
+      const Path path = {{list, 0}, {"", i}, {table, 0}, {"file", 0}};
+      if (const Found found = follow(root, path); found.n_steps == path.size() && found.node->kind == Node::Kind::text)
+        keys.push_back(path);
+    }
+  };
+  add("particles", "fill");
+  add("wall", "mesh");
+  return keys;
+}
 
 std::string write_as_run(const std::string& text, const std::vector<std::string>& overrides,
                          const std::filesystem::path& base) {

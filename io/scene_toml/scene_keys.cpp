@@ -5,6 +5,7 @@
 
 #include <concepts>
 
+#include "io/scene_toml/growth.hpp"
 #include "io/scene_toml/words.hpp"
 
 namespace moraine::scene_toml {
@@ -738,6 +739,22 @@ const KeyTable<RunControl>& run_keys() {
   return keys;
 }
 
+const KeyTable<ScaleDraft>& scale_keys() {
+  static const Key<ScaleDraft> weak{{"", "weak", "list of keys", "", "none",
+                                     "numbers that grow with the number of cores, such as \"domain.high.z\", "
+                                     "\"particles[0].fill.count\"; a high grows so "
+                                     "that its distance from the low beside it does"},
+                                    [](Reader& reader, const At& at, ScaleDraft& out) {
+                                      if (!reader.read(at, "", out.weak)) return;
+                                      for (const std::string& key : out.weak)
+                                        if (const std::string problem = growth_of(reader.root(), key, 2).problem;
+                                            !problem.empty())
+                                          reader.complain(at, problem);
+                                    }};
+  static const KeyTable<ScaleDraft> keys{{weak}};
+  return keys;
+}
+
 const KeyTable<SceneDraft>& scene_table() {
   static const KeyTable<SceneDraft> keys{{
       value("title", &SceneDraft::title, {"", "a line about the scene"}),
@@ -753,6 +770,7 @@ const KeyTable<SceneDraft>& scene_table() {
       tables("probe", &SceneDraft::probes, probe_keys(), "time series, each written to a CSV file"),
       table("run", &SceneDraft::run, run_keys(), "none", "how it is run; results do not depend on it"),
       table("gas", &SceneDraft::gas, gas_keys(), "none", "gas between the grains, on a grid over the whole domain"),
+      table("scale", &SceneDraft::scale, scale_keys(), "none", "how moraine scale --weak makes the scene larger"),
       planned<SceneDraft>("inlet", "inlets"),
   }};
   return keys;

@@ -88,6 +88,11 @@ struct GasDraft {
   std::vector<GasBoundaryDraft> boundaries;
 };
 
+/// For `moraine scale`; a run has no use for it.
+struct ScaleDraft {
+  std::vector<std::string> weak;
+};
+
 struct SceneDraft {
   std::string title;
   Domain domain;
@@ -102,6 +107,7 @@ struct SceneDraft {
   std::optional<bool> energy;  // output.energy; none: on where a probe needs it
   std::vector<ProbeDraft> probes;
   RunControl run;
+  ScaleDraft scale;
 };
 
 /// Reads the whole document; complains to the reader.

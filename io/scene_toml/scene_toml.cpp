@@ -11,6 +11,7 @@
 
 #include "io/scene_toml/as_run.hpp"
 #include "io/scene_toml/document.hpp"
+#include "io/scene_toml/growth.hpp"
 #include "io/scene_toml/scene_keys.hpp"
 
 namespace moraine {
@@ -179,6 +180,40 @@ std::string as_run(const std::string& text, const std::string& name, const std::
   return write_as_run(text, overrides, std::filesystem::absolute(base.empty() ? "." : base));
 }
 
+/// The document that a file and its overrides make.
+Node document_of(const std::filesystem::path& file, const std::vector<std::string>& overrides) {
+  Node root = parse_document(read_file(file), file.string());
+  Reader reader(root, file.string());
+  apply_overrides(root, overrides, reader);
+  if (reader.has_errors()) throw SceneFileError(reader.messages());
+  return root;
+}
+
+/// All of them, or what is wrong.
+std::vector<std::string> grown(const std::filesystem::path& file, const Node& root, int factor) {
+  const Found rule = follow(root, parse_path("scale.weak"));
+  const auto fail = [&](const std::string& message) {
+    SceneMessage problem;
+    problem.origin = file.string();
+    problem.line = rule.n_steps == 2 && rule.place.source == 0 ? rule.place.line : 0;
+    problem.key = "scale.weak";
+    problem.message = message;
+    throw SceneFileError({problem});
+  };
+  if (rule.n_steps < 2 || rule.node->items.empty())
+    fail(
+        "the scene does not say how to make it larger. Name the numbers that grow with the number of cores, such as\n"
+        "[scale]\nweak = [\"domain.high.z\"]\n"
+        "(or --set 'scale.weak=[\"domain.high.z\"]'); moraine keys says more");
+  std::vector<std::string> overrides;
+  for (const Node& key : rule.node->items) {
+    const Growth growth = growth_of(root, key.text, factor);
+    if (!growth.problem.empty()) fail(growth.problem);
+    overrides.push_back(growth.assignment);
+  }
+  return overrides;
+}
+
 }  // namespace
 }  // namespace scene_toml
 
@@ -192,6 +227,21 @@ Scene read_scene_text(const std::string& text, const std::string& name, const st
                       const std::filesystem::path& base_directory, std::vector<SceneMessage>* warnings,
                       const World& world) {
   return scene_toml::read(text, name, overrides, base_directory, warnings, world);
+}
+
+std::vector<std::string> growth_overrides(const std::filesystem::path& file, const std::vector<std::string>& overrides,
+                                          int factor) {
+  const std::vector<std::string> all = scene_toml::grown(file, scene_toml::document_of(file, overrides), factor);
+  return factor == 1 ? std::vector<std::string>() : all;
+}
+
+std::vector<std::filesystem::path> files_of_scene(const std::filesystem::path& file,
+                                                  const std::vector<std::string>& overrides) {
+  const scene_toml::Node root = scene_toml::document_of(file, overrides);
+  std::vector<std::filesystem::path> files;
+  for (const scene_toml::Path& path : scene_toml::file_keys(root))
+    files.push_back((scene_toml::directory_of(file) / scene_toml::follow(root, path).node->text).lexically_normal());
+  return files;
 }
 
 std::string scene_as_run(const std::filesystem::path& file, const std::vector<std::string>& overrides) {

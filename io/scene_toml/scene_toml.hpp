@@ -51,6 +51,15 @@ std::string scene_text_as_run(const std::string& text, const std::string& name,
                               const std::vector<std::string>& overrides = {},
                               const std::filesystem::path& base_directory = {});
 
+/// The overrides by which a scene becomes `factor` times as large, by its own rule (scale.weak); none for 1. Throws
+/// SceneFileError where it has no rule, and says what to add; or where an override does not fit.
+std::vector<std::string> growth_overrides(const std::filesystem::path& file, const std::vector<std::string>& overrides,
+                                          int factor);
+
+/// The files that a scene names, absolute. Throws SceneFileError as scene_as_run() does.
+std::vector<std::filesystem::path> files_of_scene(const std::filesystem::path& file,
+                                                  const std::vector<std::string>& overrides = {});
+
 /// Every key of a scene file, as markdown tables: name, type, unit, default, meaning.
 std::string scene_key_reference();
 

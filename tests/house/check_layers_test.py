@@ -42,6 +42,7 @@ FORBIDDEN = [
     ("io/cli/a.cpp", "int n = omp_get_max_threads();\n", 1, "OpenMP"),
     ("engine/scene/a.cpp", "#include <toml++/toml.h>\n", 1, "TOML"),
     ("engine/run/a.cpp", "#include <hdf5.h>\n", 1, "HDF5"),
+    ("engine/run/a.cpp", "#include <nlohmann/json.hpp>\n", 1, "JSON"),
     ("engine/run/a.cpp", "#include <pybind11/numpy.h>\n", 1, "Python"),
     ("engine/walls/a.cpp", "#include <assimp/Importer.hpp>\n", 1, "assimp"),
     ("engine/run/a.cpp", "#include <CLI/CLI.hpp>\n", 1, "command line"),

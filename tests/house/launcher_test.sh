@@ -73,6 +73,8 @@ check "the program's exit code comes back" ends_with 7 "$house/moraine" 7
 check "packages for a run are those of the build group" test "$(sort -u "$folder/installed")" == build
 check "rendering asks for its packages too" ends_with 0 "$house/moraine" render x
 check "  by name" grep -qx "build render" "$folder/installed"
+check "scaling asks for its packages too" ends_with 0 "$house/moraine" scale x
+check "  by name" grep -qx "build plot" "$folder/installed"
 
 # While somebody else builds, a start says so and waits.
 exec 8>"$house/build/.lock"

@@ -1,8 +1,10 @@
 // World and Halo between real ranks.
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <cmath>
 #include <cstring>
+#include <thread>
 
 #include "comm/halo.hpp"
 #include "comm/subdomains.hpp"
@@ -104,6 +106,25 @@ TEST_CASE("maxima and sums are over all ranks, value by value, and known to all"
   CHECK(modulo[0] == 0);  // four times half of 2^64
   std::vector<double> none;
   world.max(none);
+}
+
+TEST_CASE("the time that ranks wait for one of them is counted, in reductions and in exchanges apart") {
+  const World& world = ranks::world();
+  const auto come_late = [&] {
+    world.wait_for_all();
+    if (world.is_root()) std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    return world.times();
+  };
+  WorldTimes before = come_late();
+  world.gather(1.0);
+  WorldTimes after = world.times();
+  CHECK(after.parcels == before.parcels);
+  if (!world.is_root()) CHECK(after.reductions - before.reductions > 0.05);
+  before = come_late();
+  world.exchange({});
+  after = world.times();
+  CHECK(after.reductions == before.reductions);
+  if (!world.is_root()) CHECK(after.parcels - before.parcels > 0.05);
 }
 
 TEST_CASE("the sum before a rank counts lower ranks only") {

@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 #include <csignal>
 #include <fstream>
+#include <set>
 #include <thread>
 
 #include <unistd.h>
@@ -11,6 +12,7 @@
 #include "io/cli/file_commands.hpp"
 #include "io/cli/layout.hpp"
 #include "io/cli/run_command.hpp"
+#include "io/cli/summary.hpp"
 #include "io/scene_toml/scene_toml.hpp"
 #include "io/snapshot/snapshot.hpp"
 #include "tests/unit/io_images.hpp"
@@ -115,7 +117,7 @@ TEST_CASE("a run leaves its scene, log, version, hashes, series, snapshots, chec
   REQUIRE(bench.run_plainly("run") == 0);
   const fs::path run = bench.path("run");
   for (const char* name : {"scene.toml", "log.txt", "version.txt", "hashes.csv", "mass.csv", "energy.csv",
-                           "snapshots.xdmf", "summary.txt"})
+                           "snapshots.xdmf", "summary.txt", "summary.json"})
     CHECK(fs::exists(run / name));
   CHECK(list_snapshots(run).size() == 11);
   REQUIRE(list_checkpoints(run).size() == 4);
@@ -126,6 +128,62 @@ TEST_CASE("a run leaves its scene, log, version, hashes, series, snapshots, chec
   CHECK_THAT(summary, Catch::EndsWith("state hash: " + hash + "\n"));
   CHECK_THAT(read_file(run / "hashes.csv"), Catch::EndsWith(',' + hash + '\n'));
   CHECK_NOTHROW(read_scene(run / "scene.toml"));
+}
+
+TEST_CASE("a run for its timing leaves the warm-up out, ends after so many steps, and writes a summary only") {
+  const Bench bench;
+  RunRequest request = bench.request("timed");
+  request.warm_up = 300;
+  request.steps = 700;
+  request.has_outputs = false;
+  REQUIRE(Bench::run(request) == 0);
+  const RunSummary run = read_summary(bench.path("timed") / "summary.json");
+  CHECK(run.n_steps == 700);
+  CHECK(run.n_warm_up == 300);
+  CHECK(run.particle_steps == 700.0 * 120.0);
+  CHECK(run.time == Approx(0.05));
+  REQUIRE(run.ranks.size() == 1);
+  CHECK(run.ranks[0].places.cpus.size() == 2);
+  CHECK(run.ranks[0].places.cpus_before.size() == 2);
+  double in_phases = 0.0;
+  for (std::size_t i = 0; i < run.phases.size(); ++i) in_phases += run.phase(i).mean;
+  CHECK(in_phases == Approx(run.seconds()).epsilon(0.01));  // nothing of the warm-up
+  for (const auto& entry : fs::directory_iterator(bench.path("timed")))
+    CHECK(std::set<std::string>{"scene.toml", "log.txt", "version.txt", "summary.txt", "summary.json"}.contains(
+        entry.path().filename().string()));
+
+  request = bench.request("written");
+  request.until = 0.05;
+  REQUIRE(Bench::run(request) == 0);
+  const RunSummary written = read_summary(bench.path("written") / "summary.json");
+  CHECK(written.hash == run.hash);
+  CHECK(written.n_steps == 1000);
+  CHECK(written.n_warm_up == 0);
+}
+
+TEST_CASE("so many steps are counted from where the run goes on, and end with the scene") {
+  const Bench bench;
+  RunRequest request = bench.request("run");
+  request.steps = 500;
+  REQUIRE(Bench::run(request) == 0);
+  request.restart = "auto";
+  request.steps = 600;
+  REQUIRE(Bench::run(request) == 0);
+  CHECK(checkpoint_step(list_checkpoints(bench.path("run"))[0]) == 1100u);
+  CHECK(read_summary(bench.path("run") / "summary.json").n_steps == 600);
+  request.steps = 5000;
+  REQUIRE(Bench::run(request) == 0);
+  CHECK(read_summary(bench.path("run") / "summary.json").n_steps == 900);
+}
+
+TEST_CASE("a run for its timing does not go on in the directory of another, whose results would have gaps") {
+  const Bench bench;
+  RunRequest request = bench.request("run");
+  request.steps = 500;
+  REQUIRE(Bench::run(request) == 0);
+  request.restart = "auto";
+  request.has_outputs = false;
+  CHECK_THROWS_WITH(Bench::run(request), Catch::StartsWith("--no-output would leave gaps"));
 }
 
 TEST_CASE("a run stopped by --until and gone on with, on another layout, leaves the files of an unbroken one") {

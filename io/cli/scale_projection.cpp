@@ -1,0 +1,39 @@
+#include "io/cli/scale_projection.hpp"
+
+#include <fmt/format.h>
+
+#include "engine/particles/fill.hpp"
+#include "io/cli/layout.hpp"
+#include "io/cli/text.hpp"
+
+namespace moraine {
+
+namespace {
+constexpr std::int64_t most_grains = 30'000'000;  // that are filled and paired for a projection
+}
+
+std::vector<ProjectedResult> project_scaling(const SceneOnCores& scene_on, const std::vector<int>& ranks,
+                                             const Network& network, std::vector<std::string>& remarks) {
+  const int n_cores = available_cores();
+  const Scene first = scene_on(1);
+  const Rates rates = measure_rates(first, make_grains(first, n_cores), 1);
+  std::vector<ProjectedResult> results;
+  for (const int n : ranks) {
+    const Scene scene = scene_on(n);
+    if (const std::int64_t n_grains = count_grains(scene); n_grains > most_grains) {
+      remarks.push_back(fmt::format(
+          "no projection for {} ranks: their scene has {} grains, and no more than {} are filled for one", n,
+          count_text(static_cast<std::uint64_t>(n_grains)), count_text(static_cast<std::uint64_t>(most_grains))));
+      continue;
+    }
+    const std::vector<GrainSeed> grains = make_grains(scene, n_cores);
+    const Projection projection(scene, grains, n_cores);
+    const double one_rank_work = work_of(projection.count(1)[0]);
+    const Prediction p = predict(projection.count(n), one_rank_work, projection.bytes_per_ghost(), rates, network);
+    results.push_back(
+        {n, projection.n_grains(), p.step, p.efficiency * n, p.efficiency, p.imbalance, p.messages, p.waiting});
+  }
+  return results;
+}
+
+}  // namespace moraine
