@@ -8,9 +8,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
-#include <sstream>
 #include <stdexcept>
 
 #include "io/cli/interrupt.hpp"
@@ -46,17 +44,6 @@ constexpr int cannot_start = 127;
 }
 
 }  // namespace
-
-std::optional<fs::path> find_program(const std::string& name) {
-  const char* path = std::getenv("PATH");
-  std::istringstream folders(path == nullptr ? "" : path);
-  for (std::string folder; std::getline(folders, folder, ':');) {
-    const fs::path file = fs::path(folder.empty() ? "." : folder) / name;
-    std::error_code ignored;
-    if (access(file.c_str(), X_OK) == 0 && !fs::is_directory(file, ignored)) return file;
-  }
-  return std::nullopt;
-}
 
 ChildEnd run_child(const std::vector<std::string>& words, const fs::path& directory, const fs::path& talk,
                    const std::function<void()>& tick) {

@@ -3,14 +3,10 @@
 
 #include <filesystem>
 #include <functional>
-#include <optional>
 #include <string>
 #include <vector>
 
 namespace moraine {
-
-/// A program of that name in PATH; nothing where there is none.
-std::optional<std::filesystem::path> find_program(const std::string& name);
 
 /// How it ended.
 struct ChildEnd {

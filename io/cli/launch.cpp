@@ -17,6 +17,7 @@
 
 #include "io/cli/child.hpp"
 #include "io/cli/interrupt.hpp"
+#include "io/cli/programs.hpp"
 
 namespace moraine {
 
@@ -165,12 +166,19 @@ std::vector<std::string> mpirun_options(const Layout& layout, const Place& place
 }
 
 fs::path find_mpirun(const Layout& layout) {
-  for (const char* name : {"mpirun.openmpi", "mpirun"})  // Debian's name where several kinds of MPI are installed
-    if (const std::optional<fs::path> file = find_program(name)) return *file;
+  // the first is Debian's name where several kinds of MPI are installed
+  if (const auto file = find_program({"mpirun.openmpi", "mpirun"})) return *file;
   throw UsageError("layout " + layout.text() +
                    " needs mpirun, and there is none in PATH: install Open MPI (Debian: apt-get install openmpi-bin), "
                    "or use one rank: --layout 1x" +
                    std::to_string(layout.total()));
+}
+
+std::optional<StrayTasks> stray_tasks() {
+  const char* n = std::getenv("SLURM_STEP_NUM_TASKS");
+  if (World::is_launched() || n == nullptr || std::atoi(n) < 2) return std::nullopt;
+  const char* number = std::getenv("SLURM_PROCID");
+  return StrayTasks{std::atoi(n), number == nullptr || std::atoi(number) == 0};
 }
 
 JobEnd run_as_ranks(const Layout& layout, const std::vector<std::string>& words) {

@@ -29,6 +29,14 @@ std::vector<std::string> mpirun_options(const Layout& layout, const Place& place
 /// Open MPI's mpirun, found in PATH. Throws UsageError that names its package.
 std::filesystem::path find_mpirun(const Layout& layout);
 
+/// Several tasks of srun that do not find each other, as without PMIx: each would do the whole run, in one directory.
+struct StrayTasks {
+  int n_tasks = 0;
+  bool is_first = false;  // this process is the one that speaks
+};
+/// Where this process is one of such.
+std::optional<StrayTasks> stray_tasks();
+
 /// How a job came to its end.
 struct JobEnd {
   int code = 0;                      // exit code of the job

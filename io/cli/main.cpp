@@ -24,6 +24,7 @@
 #include "io/cli/project_command.hpp"
 #include "io/cli/run_command.hpp"
 #include "io/cli/scale_command.hpp"
+#include "io/cli/submit_command.hpp"
 #include "io/cli/version.hpp"
 #include "io/export/export.hpp"
 #include "io/export/render.hpp"
@@ -187,6 +188,51 @@ void add_scale(CLI::App& app, Command& chosen, Log& log, const std::string& prog
   command->callback([&chosen, &log, request] { chosen = [&log, request] { return scale_scene(*request, log); }; });
 }
 
+void add_submit(CLI::App& app, Command& chosen, Log& log, const std::filesystem::path& program) {
+  auto* command =
+      app.add_subcommand("submit", "hands a scene to a cluster's Slurm, as a job that goes on until it is done");
+  auto request = std::make_shared<SubmitRequest>();
+  request->program = program;
+  add_scene_options(*command, request->scene_file, request->overrides, request->layout);
+  command->get_option("--layout")->description("RANKSxTHREADS, ranks of all nodes together");
+  command->add_option("--nodes", request->nodes, "nodes of the cluster (default: 1)");
+  command->add_option(
+      "--time", request->time,
+      "time limit of each job: MINUTES, H:M:S, D-H ... (default: the partition's); the run goes on in the next");
+  command->add_option("--partition", request->partition, "partition (default: the cluster's)");
+  command->add_option("--account", request->account, "account to charge");
+  command->add_option("--name", request->name, "name of the job (default: the run's)");
+  command->add_option("--mem", request->memory, "memory of each node, such as 16G; 0: all (default: estimated)");
+  command
+      ->add_option("--margin", request->margin,
+                   "seconds before the time limit at which the run writes its checkpoint (default: a quarter of it, at "
+                   "most 120)")
+      ->check(CLI::Range(1, 65535));
+  command->add_option("--mpi", request->mpi, "srun's --mpi (default: pmix)");
+  command
+      ->add_option("--directive", request->directives,
+                   "a further option of sbatch for the script, as often as wanted: --directive qos=long")
+      ->type_name("OPTION")
+      ->type_size(1)
+      ->allow_extra_args(false)
+      ->take_all();
+  command->add_option("--out", request->out,
+                      "directory for the results (default: runs/NAME, or the next free NAME-2 ...)");
+  command->add_option("--restart", request->restart, "auto: goes on with the newest run (or --out)");
+  command->add_flag("--dry-run", request->is_dry_run, "prints the script, and does nothing else");
+  command->add_flag("--sweep", request->is_sweep, "a study over layouts: an array of jobs, one for each of --layouts");
+  command->add_option("--layouts", request->layouts, "layouts of the sweep, such as 1x4,2x2,4x1")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  command->add_option("--system", request->system, "slurm (default), or a template for pbs or lsf with --dry-run");
+  command->callback([&chosen, &log, request] {
+    chosen = [&log, request] {
+      submit(*request, log);
+      return exit_code::good;
+    };
+  });
+}
+
 void add_info(CLI::App& app, Command& chosen) {
   auto* command = app.add_subcommand("info", "says what a checkpoint or snapshot holds");
   auto file = std::make_shared<std::filesystem::path>();
@@ -343,6 +389,7 @@ int run_program(int argc, char** argv, const World& world) {
   add_check(app, chosen);
   add_scale(app, chosen, log, own_command_line(argc, argv).front());
   add_project(app, chosen);
+  add_submit(app, chosen, log, own_command_line(argc, argv).front());
   add_info(app, chosen);
   add_compare(app, chosen);
   add_export(app, chosen);

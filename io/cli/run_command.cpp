@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
@@ -11,7 +10,6 @@
 #include <new>
 #include <span>
 #include <sstream>
-#include <string_view>
 
 #include "engine/run/simulation.hpp"
 #include "io/checkpoint/checkpoint.hpp"
@@ -20,6 +18,7 @@
 #include "io/cli/launch.hpp"
 #include "io/cli/layout.hpp"
 #include "io/cli/outputs.hpp"
+#include "io/cli/programs.hpp"
 #include "io/cli/progress.hpp"
 #include "io/cli/run_directory.hpp"
 #include "io/cli/summary.hpp"
@@ -210,17 +209,6 @@ std::uint64_t last_step(const RunRequest& request, const Simulation& simulation,
         "--until {} s lies behind the end of the scene, {} s, where the run will end (--set time.end={} goes on)",
         *request.until, simulation.scene().time.end, *request.until));
   return std::min(wanted, n_steps);
-}
-
-std::string shell_quoted(const std::string& word) {
-  const auto is_plain = [](char c) {
-    return std::isalnum(static_cast<unsigned char>(c)) != 0 ||
-           std::string_view("_-./=,:+@").find(c) != std::string_view::npos;
-  };
-  if (!word.empty() && std::all_of(word.begin(), word.end(), is_plain)) return word;
-  std::string quoted = "'";
-  for (const char c : word) quoted += c == '\'' ? "'\\''" : std::string(1, c);
-  return quoted + '\'';
 }
 
 /// The command that goes on with this run.
@@ -478,6 +466,13 @@ int run_on_ranks(const RunRequest& request, Scene& scene, const Layout& layout, 
 
 int run_scene(const RunRequest& request, Log& log, const World& world) {
   const WallClock clock;
+  if (const auto stray = stray_tasks()) {
+    if (!stray->is_first) return exit_code::bad_input;
+    throw UsageError(
+        fmt::format("srun has started {} tasks that do not find each other, so that each would do the whole run: give "
+                    "srun --mpi=pmix (srun --mpi=list shows what there is)",
+                    stray->n_tasks));
+  }
   std::vector<SceneMessage> warnings;
   Scene scene = read_scene(request.scene_file, request.overrides, &warnings, world);
   GivenLayout given;

@@ -17,6 +17,14 @@ bool is_empty_or_missing(const fs::path& directory) {
   return fs::is_directory(directory, error) && fs::is_empty(directory, error) && !error;
 }
 
+/// What a job finds in its directory before it runs.
+bool holds_only_job(const fs::path& directory) {
+  std::error_code error;
+  for (fs::directory_iterator entry(directory, error), end; !error && entry != end; entry.increment(error))
+    if (entry->path() != job_folder(directory)) return false;
+  return !error;
+}
+
 fs::path base_directory(const fs::path& scene_file, const Scene& scene) {
   if (scene.output.directory.empty()) return fs::path("runs") / run_name(scene_file);
   fs::path base = fs::path(scene.output.directory).lexically_normal();
@@ -55,9 +63,11 @@ bool holds_run(const fs::path& directory) {
          fs::exists(directory / "snapshots");
 }
 
+fs::path job_folder(const fs::path& directory) { return directory / "job"; }
+
 fs::path new_run_directory(const fs::path& scene_file, const Scene& scene, const std::optional<fs::path>& out) {
   if (out) {
-    if (is_empty_or_missing(*out)) return *out;
+    if (is_empty_or_missing(*out) || holds_only_job(*out)) return *out;
     throw UsageError(out->string() +
                      (!fs::is_directory(*out) ? " is a file; --out expects a directory"
                       : holds_run(*out)

@@ -6,6 +6,7 @@
 //   checkpoints/      HDF5                      hashes.csv        state hash at each snapshot
 //   NAME.csv          a probe                   energy.csv        the energy ledger
 //   summary.json      the same for programs, with all that is known of each rank
+//   job/              script and output of a batch job
 #pragma once
 
 #include <filesystem>
@@ -22,7 +23,10 @@ std::string run_name(const std::filesystem::path& scene_file);
 /// True where a directory holds (part of) a run.
 bool holds_run(const std::filesystem::path& directory);
 
-/// The directory of a new run. `out` (from --out) is taken as it is and refused where it holds anything; else the scene's own, or
+/// Where the script and the output of a batch job lie, which are there before its run is.
+std::filesystem::path job_folder(const std::filesystem::path& directory);
+
+/// The directory of a new run. `out` (from --out) is taken as it is and refused where it holds anything but its job; else the scene's own, or
 /// runs/NAME, or the first free one of NAME-2, NAME-3 ... Nothing is made. Throws UsageError.
 std::filesystem::path new_run_directory(const std::filesystem::path& scene_file, const Scene& scene,
                                         const std::optional<std::filesystem::path>& out);

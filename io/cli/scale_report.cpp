@@ -9,6 +9,7 @@
 
 #include "io/checkpoint/durable_file.hpp"
 #include "io/cli/child.hpp"
+#include "io/cli/programs.hpp"
 #include "io/cli/text.hpp"
 
 namespace moraine {
@@ -418,7 +419,7 @@ std::string write_scale_report(const ScaleResults& results, const fs::path& dire
   write_file(directory / "scale.json", scale_json(results));
   write_file(directory / "scale.gnuplot", scale_gnuplot(results));
   const std::string tables = (directory / "scale.csv").string() + ", scale.json";
-  const std::optional<fs::path> gnuplot = find_program("gnuplot");
+  const std::optional<fs::path> gnuplot = find_program({"gnuplot"});
   if (!gnuplot)
     return fmt::format("results: {}; for the plot: apt-get install gnuplot-nox, then the same command again", tables);
   const fs::path talk = directory / "gnuplot.txt";

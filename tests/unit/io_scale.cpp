@@ -7,6 +7,7 @@
 
 #include "io/checkpoint/durable_file.hpp"
 #include "io/cli/child.hpp"
+#include "io/cli/programs.hpp"
 #include "io/cli/interrupt.hpp"
 #include "io/cli/scale_report.hpp"
 #include "tests/unit/io_images.hpp"
@@ -344,7 +345,7 @@ TEST_CASE("the plot is drawn where gnuplot is installed, and else the package is
   results.projected.push_back({64, 1000, 1e-3, 51.2, 0.8, 1.1, 0.05, 0.1});
   const std::string said = write_scale_report(results, place.path());
   for (const char* name : {"scale.csv", "scale.json", "scale.gnuplot"}) CHECK(fs::exists(place.path() / name));
-  if (find_program("gnuplot")) {
+  if (find_program({"gnuplot"})) {
     CHECK_THAT(said, Catch::EndsWith("plot: scale.svg, scale.png"));
     for (const char* word : {"projected, not measured", "threads only", "contacts, motion", "a bed, of"})
       CHECK_THAT(read_file(place.path() / "scale.svg"), Catch::Contains(word));
