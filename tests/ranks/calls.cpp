@@ -75,20 +75,32 @@ int MPI_Waitall(int n, MPI_Request* q, MPI_Status* s) {
 
 TEST_CASE(
     "a plain step has no collective call: one message to and from each neighbour that has grains for it, and one "
-    "wait") {
+    "wait; a gas step has few, and those of its pressure equation") {
   const World& all = ranks::world();
   for (auto& [name, scene, n_steps] : scenes::all()) {
     INFO(name);
     Simulation simulation(scene, 1, all);
     simulation.step();  // its ghosts are fresh from the start
-    int n_plain = 0, n_looks = 0, n_rebuilds = 0;
+    int n_plain = 0, n_looks = 0, n_rebuilds = 0, n_gas = 0;
     for (int i = 0; i < n_steps / 2; ++i) {
       const std::uint64_t rebuilds = simulation.n_rebuilds(), looks = simulation.n_looks();
+      const GasTotals gas = simulation.gas_totals().value_or(GasTotals{});
       calls = {};
       simulation.step();
+      const GasTotals gas_now = simulation.gas_totals().value_or(GasTotals{});
+      const bool is_gas_step = gas_now.n_steps != gas.n_steps;
+      const auto of_gas = [&](std::uint64_t steps, std::uint64_t a_part, std::uint64_t an_iteration) {
+        return static_cast<int>(steps * (gas_now.n_steps - gas.n_steps) + a_part * (gas_now.n_parts - gas.n_parts) +
+                                an_iteration * (gas_now.n_iterations - gas.n_iterations));
+      };
       if (simulation.n_rebuilds() != rebuilds) {
         ++n_rebuilds;
-        REQUIRE(calls.collectives <= 16);
+        REQUIRE(calls.collectives <= 16 + of_gas(20, 8, 4));
+        continue;
+      }
+      if (is_gas_step) {  // the ranks look in it too
+        ++n_gas;
+        REQUIRE(calls.collectives <= 1 + of_gas(20, 8, 4));
         continue;
       }
       const bool is_look = simulation.n_looks() != looks;
@@ -104,5 +116,6 @@ TEST_CASE(
     // Most steps are plain ones, even in flows as fast as these.
     CHECK(n_plain > 2 * (n_looks + n_rebuilds));
     CHECK(n_looks + n_rebuilds > 0);
+    CHECK((n_gas > 0) == scene.gas.has_value());
   }
 }

@@ -341,7 +341,7 @@ inline std::vector<Named> all() {
           {"flat", flat(), 4000},
           {"mirrored", mirrored(), 3000},
           {"fluidised bed", fluidised_bed(), 2500},
-          {"finely resolved", finely_resolved(), 750},
+          {"finely resolved", finely_resolved(), 500},
           {"conveyed", conveyed(), 2500},
           {"flat jet", flat_jet(), 3000}};
 }
