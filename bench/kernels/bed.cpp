@@ -98,9 +98,10 @@ void Bed::restart(const LawChoice& choice) {
   if (!has_history(choice.tangential)) return;
   const PairParameters p = table.at(0);
   // Friction holds a displacement of mu F_n / k_t; the power law, which grows softer, half as much again.
-  double limit = p[Parameter::friction] * (choice.normal == NormalLaw::linear || choice.tangential == TangentialLaw::spring
-                                               ? p[Parameter::normal_stiffness] / p[Parameter::tangential_stiffness]
-                                               : p[Parameter::young] / (6.0 * p[Parameter::shear]));
+  double limit =
+      p[Parameter::friction] * (choice.normal == NormalLaw::linear || choice.tangential == TangentialLaw::spring
+                                    ? p[Parameter::normal_stiffness] / p[Parameter::tangential_stiffness]
+                                    : p[Parameter::young] / (6.0 * p[Parameter::shear]));
   if (choice.tangential == TangentialLaw::power) limit *= 1.5;
   ThreadPairs& mine = thread();
   mine.memory_columns = memory_columns(choice.has_ledger);

@@ -236,9 +236,8 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
     if (needs.has_species)
       mine.species[p] = needs.species_table[particles.material(i) * needs.n_materials + particles.material(j)];
     if (needs.memory_columns > 0)
-      mine.set_memory(k - 1,
-                      carry.find({was_at[at(i)], particles.gid(i)},
-                                 {particles.is_owned(j) ? was_at[at(j)] : -1, particles.gid(j)}, stored));
+      mine.set_memory(k - 1, carry.find({was_at[at(i)], particles.gid(i)},
+                                        {particles.is_owned(j) ? was_at[at(j)] : -1, particles.gid(j)}, stored));
   };
   const auto fill_group = [&] {
     for (; k % pair_group != 0; ++k) {

@@ -246,13 +246,13 @@ double Simulation::Parts::widest_skin() const {
   return widest;
 }
 
-/// The skin is a matter of speed only. A rebuild costs about as much as seven steps, and a wider skin s adds about 1.8 s/d to the
-/// pairs (d the mean diameter); with N steps between rebuilds, N in proportion to s, the sum 7/N + 1.8 s/d is least at
-/// N s/d = 4, which each rebuild moves towards.
+/// The skin is a matter of speed only. A rebuild costs about as much as nine steps, and a wider skin s adds about 1.1 s/d to
+/// their cost (d the mean diameter; pairs that are too far apart to touch are not swept); with N steps between rebuilds, N in
+/// proportion to s, the sum 9/N + 1.1 s/d is least at N s/d = 8, which each rebuild moves towards.
 void Simulation::Parts::choose_skin() {
   if (scene.run.skin <= 0.0 && n_rebuilds > 1 && steps_since_rebuild > 0) {
     const double diameter = mean_diameter();
-    const double wanted = std::sqrt(4.0 * diameter / (static_cast<double>(steps_since_rebuild) * skin));
+    const double wanted = std::sqrt(8.0 * diameter / (static_cast<double>(steps_since_rebuild) * skin));
     skin = std::clamp(skin * std::clamp(wanted, 0.7, 1.4), 0.01 * diameter, moraine::widest_skin(scene, plan));
   }
   const double widest = widest_skin();

@@ -67,11 +67,7 @@ MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Ran
     double* const record = sums.records + std::int64_t{i} * stride;
     const Quad v_old = load_quad(record + 4);
     Quad acceleration = fma(sum.force, last_of(v_old), gravity);
-    if (sums.push) {
-      const double* const push = sums.push + 3 * std::int64_t{i};
-      alignas(32) const double push4[4] = {push[0], push[1], push[2], 0.0};
-      acceleration = acceleration + load_quad(push4);
-    }
+    if (sums.push) acceleration = acceleration + load_three(sums.push + 3 * std::int64_t{i});
     acceleration = acceleration * moves;
     const Quad x_old = load_quad(record);
     // a grain that has left the scene lies nowhere and does not fall on

@@ -7,8 +7,8 @@
 
 #include "io/checkpoint/durable_file.hpp"
 #include "io/cli/child.hpp"
-#include "io/cli/programs.hpp"
 #include "io/cli/interrupt.hpp"
+#include "io/cli/programs.hpp"
 #include "io/cli/scale_report.hpp"
 #include "tests/unit/io_images.hpp"
 

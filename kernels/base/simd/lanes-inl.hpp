@@ -102,6 +102,8 @@ struct Quad {
   hn::Vec<QuadTag> v;
 };
 HWY_INLINE Quad load_quad(const double* p) { return {hn::Load(QuadTag(), p)}; }
+/// Three doubles, aligned or not, and zero.
+HWY_INLINE Quad load_three(const double* p) { return {hn::MaskedLoad(hn::FirstN(QuadTag(), 3), QuadTag(), p)}; }
 HWY_INLINE void store_quad(double* p, Quad a) { hn::Store(a.v, QuadTag(), p); }
 HWY_INLINE Quad set_quad(double s) { return {hn::Set(QuadTag(), s)}; }
 HWY_INLINE Quad operator+(Quad a, Quad b) { return {hn::Add(a.v, b.v)}; }
@@ -198,6 +200,7 @@ struct Quad {
   double v[4];
 };
 HWY_INLINE Quad load_quad(const double* p) { return {{p[0], p[1], p[2], p[3]}}; }
+HWY_INLINE Quad load_three(const double* p) { return {{p[0], p[1], p[2], 0.0}}; }
 HWY_INLINE void store_quad(double* p, Quad a) {
   for (int k = 0; k < 4; ++k) p[k] = a.v[k];
 }
