@@ -39,12 +39,28 @@ GasView GasPhase::view() {
   GasView view{coupling_.grid(), coupling_.share()};
   view.means = &means_;
   if (GasFlow* const flow = coupling_.flow()) {
+    find_cell_velocity();
     view.void_fraction = &flow->void_fraction();
     view.pressure = &flow->pressure();
-    for (int axis = 0; axis < 3; ++axis)
-      view.cell_velocity[static_cast<std::size_t>(axis)] = &flow->cell_velocity(axis);
+    for (std::size_t axis = 0; axis < 3; ++axis) view.cell_velocity[axis] = &cell_velocity_[axis];
   }
   return view;
+}
+
+void GasPhase::find_cell_velocity() {
+  for (int axis = 0; axis < 3; ++axis) {
+    const GridField<>& faces = coupling_.flow()->velocity(axis);
+    const GridLayout& layout = faces.layout();
+    GridField<>& cells = cell_velocity_[static_cast<std::size_t>(axis)];
+    if (!(cells.layout() == layout)) cells = GridField<>(layout);
+    const std::int64_t to_high = layout.stride(axis);
+    for (int k = 0; k < layout.size[2]; ++k)
+      for (int j = 0; j < layout.size[1]; ++j) {
+        const double* const u = faces.data() + layout.at(0, j, k);
+        double* const mean = cells.data() + layout.at(0, j, k);
+        for (int i = 0; i < layout.size[0]; ++i) mean[i] = 0.5 * (u[i] + u[i + to_high]);
+      }
+  }
 }
 
 void GasPhase::advance(Particles& particles, double time) {
@@ -127,8 +143,9 @@ void GasPhase::gather_shown(Image& image) {
   gather("void_fraction", "", -1, flow ? &flow->void_fraction() : nullptr, image);
   gather("pressure", "Pa", -1, flow ? &flow->pressure() : nullptr, image);
   static constexpr const char* names[] = {"gas_velocity_x", "gas_velocity_y", "gas_velocity_z"};
-  for (int axis = 0; axis < 3; ++axis)
-    gather(names[axis], "m/s", -1, flow ? &flow->cell_velocity(axis) : nullptr, image);
+  if (flow) find_cell_velocity();
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    gather(names[axis], "m/s", -1, flow ? &cell_velocity_[axis] : nullptr, image);
   for (const GasMeans::Mean& mean : means_.means()) {
     const GridLayout layout(coupling_.share().block(world_.rank()), 0);
     GridField<> field(layout);

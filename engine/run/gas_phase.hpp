@@ -1,6 +1,7 @@
 // The gas of a run: when it takes a step, and what of it goes into images and hashes.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -53,6 +54,8 @@ class GasPhase {
     GridField<>* values = nullptr;
   };
   std::vector<Quantity> kept();
+  /// As it is now, means of the two faces; that of GasFlow is a mean over the parts of the last gas step, and not kept.
+  void find_cell_velocity();
   void restore_means(const Image& image);
   void gather(const std::string& name, const std::string& unit, int face_axis, const GridField<>* field,
               Image& image) const;
@@ -62,6 +65,7 @@ class GasPhase {
   std::uint64_t grain_steps_ = 1;
   Coupling coupling_;
   GasMeans means_;
+  std::array<GridField<>, 3> cell_velocity_;  // [m/s] for those who look
   CouplingReport last_;
   GasTotals totals_;
 };

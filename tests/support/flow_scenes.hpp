@@ -264,6 +264,9 @@ inline Scene fluidised_bed() {
   s.gas->boundaries = {floor, jet, top};
   s.outlets.push_back({"top", 5});
   add_probe(s, Probe::Kind::region, "region");
+  add_probe(s, Probe::Kind::pressure_drop, "pressure_drop");
+  add_probe(s, Probe::Kind::gas_profile, "gas_profile");
+  add_probe(s, Probe::Kind::gas_mean, "gas_mean");
   return s;
 }
 
