@@ -27,9 +27,6 @@ class GridHalo {
     exchange(std::span<void* const>(pointers));
   }
 
-  double waited() const { return along_[0].halo.waited() + along_[1].halo.waited(); }  // [s]
-  std::uint64_t n_messages() const { return along_[0].halo.n_messages() + along_[1].halo.n_messages(); }
-
  private:
   /// What passes along y (0) or z (1): whole ghost layers, y before z so that edges come along.
   struct Along {

@@ -206,12 +206,6 @@ void CellExchange::to_windows(int width, const double* block_values, double* win
                   window_values);
 }
 
-double CellExchange::waited() const {
-  double seconds = 0.0;
-  for (const Halo& halo : halos_) seconds += halo.waited();
-  return seconds;
-}
-
 std::size_t CellExchange::memory() const {
   std::int64_t cells = 0;
   for (const Piece& piece : to_owner_) cells += piece.n_cells();

@@ -30,7 +30,6 @@ class CellExchange {
   /// Copies the owners' values to all windows that have the cell, `width` (4 or 8) each cell. All ranks call it.
   void to_windows(int width, const double* block_values, double* window_values);
 
-  double waited() const;  // [s]
   std::size_t memory() const;
 
  private:

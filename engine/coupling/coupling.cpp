@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <chrono>
 #include <cmath>
 #include <exception>
 #include <optional>
@@ -29,8 +28,6 @@ double scale_for(double largest, std::int64_t n) {
   std::frexp(largest, &exponent);
   return std::ldexp(1.0, bits - exponent);
 }
-
-double seconds() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 }  // namespace
 
@@ -78,8 +75,6 @@ struct Coupling::Parts {
   double largest_volume = 0.0;  // [m3]
   ExchangeExtent largest;
   double fastest_gas = 0.0;  // [m/s] largest component at a cell
-
-  double on_grains = 0.0, on_gas = 0.0;  // [s]
 };
 
 Coupling::Parts::Parts(const Scene& scene, const GasGrid& gas_grid, const World& all, int threads)
@@ -141,7 +136,6 @@ std::vector<double*> Coupling::Parts::fields(std::size_t first, std::size_t n) {
 
 CouplingReport Coupling::Parts::advance(Particles& particles, double time, double step) {
   CouplingReport report;
-  const double start = seconds();
   if (gas.drag) {
     look(particles);
     if (gas.moves_gas) load_void_fractions(report);
@@ -149,9 +143,7 @@ CouplingReport Coupling::Parts::advance(Particles& particles, double time, doubl
     set_coefficients(step, report);
     if (gas.moves_gas) load_exchange();
   }
-  const double before_gas = seconds();
   if (flow) report.gas = flow->advance(time, step, load);
-  const double after_gas = seconds();
   if (gas.drag) send_feel();
   share(report);
   if (gas.drag) {
@@ -159,8 +151,6 @@ CouplingReport Coupling::Parts::advance(Particles& particles, double time, doubl
   } else if (double* const acceleration = particles.gas_acceleration()) {
     std::fill(acceleration, acceleration + 3 * std::int64_t{particles.size()}, 0.0);
   }
-  on_gas += after_gas - before_gas;
-  on_grains += seconds() - after_gas + before_gas - start;
   return report;
 }
 
@@ -375,9 +365,6 @@ CouplingReport Coupling::advance(Particles& particles, double time, double step)
 GasFlow* Coupling::flow() { return parts_->flow.get(); }
 const GasGrid& Coupling::grid() const { return parts_->grid; }
 const GridShare& Coupling::share() const { return parts_->blocks; }
-double Coupling::waited() const { return parts_->exchange.waited(); }
-double Coupling::seconds_on_grains() const { return parts_->on_grains; }
-double Coupling::seconds_on_gas() const { return parts_->on_gas; }
 
 std::size_t Coupling::memory() const {
   const Parts& p = *parts_;

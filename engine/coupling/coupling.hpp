@@ -37,10 +37,6 @@ class Coupling {
   GasFlow* flow();
   const GasGrid& grid() const;
   const GridShare& share() const;
-  /// [s] since the start: waited for messages between grains and cells; spent on grains (deposit, drag, with those messages); on the gas.
-  double waited() const;
-  double seconds_on_grains() const;
-  double seconds_on_gas() const;
   std::size_t memory() const;  // [bytes]
 
  private:

@@ -64,22 +64,22 @@ void GasPhase::find_cell_velocity() {
 }
 
 void GasPhase::advance(Particles& particles, double time) {
-  last_ = coupling_.advance(particles, time, step_);
+  const CouplingReport report = coupling_.advance(particles, time, step_);
   ++totals_.n_steps;
-  totals_.n_parts += static_cast<std::uint64_t>(last_.gas.n_parts);
-  totals_.n_iterations += static_cast<std::uint64_t>(last_.gas.iterations);
-  totals_.imbalance = std::max(totals_.imbalance, last_.gas.imbalance);
-  totals_.n_floored += last_.n_floored;
-  totals_.least_void_fraction = std::min(totals_.least_void_fraction, last_.least_void_fraction);
-  totals_.momentum_error = std::max(totals_.momentum_error, last_.momentum_error);
+  totals_.n_parts += static_cast<std::uint64_t>(report.gas.n_parts);
+  totals_.n_iterations += static_cast<std::uint64_t>(report.gas.iterations);
+  totals_.imbalance = std::max(totals_.imbalance, report.gas.imbalance);
+  totals_.n_floored += report.n_floored;
+  totals_.least_void_fraction = std::min(totals_.least_void_fraction, report.least_void_fraction);
+  totals_.momentum_error = std::max(totals_.momentum_error, report.momentum_error);
   // The drag on a grain stays as it is for a gas step; twice the relaxation time and it swings ever further.
   constexpr double unstable = 2.0;
-  if (last_.fastest_exchange > unstable)
+  if (report.fastest_exchange > unstable)
     throw RunError(
         fmt::format("at {:.6g} s: the gas step of {:.4g} s is {:.1f} times as long as the gas takes to drag a grain "
                     "along; set gas.step to "
                     "{:.2g} s or less",
-                    time, step_, last_.fastest_exchange, 0.5 * step_ / last_.fastest_exchange));
+                    time, step_, report.fastest_exchange, 0.5 * step_ / report.fastest_exchange));
 }
 
 std::vector<GasPhase::Quantity> GasPhase::kept() {

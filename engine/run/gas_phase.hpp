@@ -30,9 +30,9 @@ class GasPhase {
   /// One gas step to the grains as they are. Throws RunError where grains would overshoot, for the gas step is too long. All ranks.
   void advance(Particles& particles, double time);
 
-  Coupling& coupling() { return coupling_; }
   const GasTotals& totals() const { return totals_; }
-  const CouplingReport& last() const { return last_; }
+  /// Bytes that the gas of this rank and its exchange with grains hold.
+  std::size_t memory() const { return coupling_.memory(); }
 
   /// What probes look at, until the gas steps again.
   GasView view();
@@ -66,7 +66,6 @@ class GasPhase {
   Coupling coupling_;
   GasMeans means_;
   std::array<GridField<>, 3> cell_velocity_;  // [m/s] for those who look
-  CouplingReport last_;
   GasTotals totals_;
 };
 

@@ -687,7 +687,7 @@ std::uint64_t Simulation::n_looks() const { return parts_->n_looks; }
 double Simulation::memory() const {
   const Parts& p = *parts_;
   return static_cast<double>(p.particles.memory() + p.contacts->memory() +
-                             p.place_at_rebuild.capacity() * sizeof(Vec3));
+                             p.place_at_rebuild.capacity() * sizeof(Vec3) + (p.gas ? p.gas->memory() : 0));
 }
 std::vector<PhaseTime> Simulation::phases() const {
   std::vector<PhaseTime> rows = parts_->stopwatch.table();

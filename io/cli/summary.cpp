@@ -321,7 +321,8 @@ std::string summary_text(const RunSummary& run) {
   if (run.gas) text += gas_text(*run.gas);
   const double held = run.over_ranks([](const RankSummary& rank) { return rank.memory; }).sum;
   const double peak = run.over_ranks([](const RankSummary& rank) { return rank.peak_memory; }).sum;
-  text += fmt::format("memory: {} in grains, pairs and contacts; peak memory: {}", bytes_text(held), bytes_text(peak));
+  text += fmt::format("memory: {} in grains, pairs and contacts{}; peak memory: {}", bytes_text(held),
+                      run.gas ? ", gas" : "", bytes_text(peak));
   if (run.n_born > 0) text += fmt::format(" ({:.0f} bytes a grain)", peak / static_cast<double>(run.n_born));
   text += '\n';
   text += fmt::format("results: {}\n", run.directory);
