@@ -1,13 +1,12 @@
 // Every rank runs the same tests in the same order. The first one reports; a rank in which a test fails shows what it has to say and
 // ends the whole job, as the others would wait for it.
-#define CATCH_CONFIG_RUNNER
 #include <unistd.h>
 
-#include <catch2/catch.hpp>
 #include <iostream>
 #include <sstream>
 
 #include "tests/ranks/ranks.hpp"
+#include "tests/support/catch.hpp"
 
 namespace moraine::ranks {
 
@@ -36,7 +35,7 @@ int main(int argc, char** argv) {
   std::ostringstream report;
   std::streambuf* const terminal = std::cout.rdbuf();
   if (!world.is_root()) std::cout.rdbuf(report.rdbuf());
-  const int n_failed = Catch::Session().run(argc, argv);
+  const int n_failed = moraine::run_catch(argc, argv);
   std::cout.rdbuf(terminal);
   if (n_failed > 0) {
     if (!world.is_root()) std::cout << "on rank " << world.rank() << ":\n" << report.str() << std::flush;
