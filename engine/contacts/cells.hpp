@@ -45,7 +45,8 @@ constexpr bool is_positive(std::uint8_t c) {
 inline constexpr std::size_t n_codes = 125;
 }  // namespace image
 
-/// Cells over the grains; axes by role: slow (most cells), middle, fast (neighbours in memory).
+/// Cells over the grains; axes by role: slow (most cells), middle, fast (neighbours in memory). Wide layers are cut along the middle and
+/// the fast axis into columns, which are walked one after the other, each from layer to layer along the slow axis.
 class Cells {
  public:
   /// Lays the cells out for grains whose centres may come nearer than `reach` [m], and finds the sorted order of the grains
@@ -60,8 +61,8 @@ class Cells {
     Range grains;        // places in sorted order
     std::uint8_t image;  // code of these grains seen from the asking one
   };
-  /// Runs of grains that may be near grain i (by sorted place) and come after it. At most 27 runs.
-  int runs_after(std::int32_t i, Run* runs) const;
+  /// Runs of grains that may be near grain i (by sorted place), which lies at `position`, and come after it. At most 27 runs.
+  int runs_after(std::int32_t i, Vec3 position, Run* runs) const;
   /// Runs of all grains that may be near a point that is no grain of these (a ghost). At most 27 runs.
   int runs_around(Vec3 point, Run* runs) const;
   static constexpr int max_runs = 27;
@@ -76,21 +77,47 @@ class Cells {
 
   /// Number of cells along the slow, middle and fast axis.
   const std::array<int, 3>& counts() const { return counts_; }
+  int n_columns() const { return n_columns_; }
+  /// Grains that are near each other within one column are no further apart in sorted order.
+  std::int32_t furthest_in_column() const { return furthest_in_column_; }
   std::size_t memory() const;
 
  private:
+  /// The cells of one axis that belong to the same columns.
+  struct Strip {
+    std::int32_t begin = 0, width = 1, number = 0;
+  };
+  static std::vector<Strip> strips_of(int n_cells);
   std::array<int, 3> cell_of(Vec3 p) const;
-  int runs_near(const std::array<int, 3>& cell, int first_row, std::int32_t first_grain, Run* runs) const;
+  /// Place of a cell in the order of memory.
+  std::int32_t index_of(int slow, int middle, int fast) const {
+    const Strip& m = strips_[0][static_cast<std::size_t>(middle)];
+    const Strip& f = strips_[1][static_cast<std::size_t>(fast)];
+    return counts_[0] * (m.begin * counts_[2] + m.width * f.begin) + (slow * m.width + middle - m.begin) * f.width +
+           fast - f.begin;
+  }
+  /// Number of a column's layer in the order of memory.
+  std::int32_t layer_of(const std::array<int, 3>& cell) const {
+    const Strip& m = strips_[0][static_cast<std::size_t>(cell[1])];
+    const Strip& f = strips_[1][static_cast<std::size_t>(cell[2])];
+    return (m.number * (strips_[1].back().number + 1) + f.number) * counts_[0] + cell[0];
+  }
+  void lay_out(const Particles& particles, const Box& domain, int n_threads);
+  std::vector<std::int32_t> layer_cells() const;
+  int runs_near(const std::array<int, 3>& cell, std::int32_t first_cell, std::int32_t first_grain, Run* runs) const;
+
   std::array<int, 3> axes_{0, 1, 2};  // which axis is slow, middle, fast
   std::array<int, 3> counts_{1, 1, 1};
-  std::array<bool, 3> wraps_{};     // by role
-  std::array<bool, 3> periodic_{};  // by axis
+  std::array<bool, 3> wraps_{};               // by role
+  std::array<bool, 3> periodic_{};            // by axis
+  std::array<std::vector<Strip>, 2> strips_;  // of each middle, and of each fast cell
+  int n_columns_ = 1;
+  std::int32_t furthest_in_column_ = 0;
   double reach_ = 0.0;
   Vec3 low_;
   Vec3 inverse_width_;
   std::vector<std::int32_t> order_;
   std::vector<std::int32_t> cell_begin_;  // of each cell, and the end
-  std::vector<std::int32_t> cell_of_;     // by sorted place
 };
 
 }  // namespace moraine

@@ -57,6 +57,7 @@ void PairList::build(const Particles& particles, const Cells& cells, std::span<c
   const std::int32_t n = particles.size();
   const int n_active = std::max(1, std::min(n_threads, n / min_grains_per_thread));
   set_bands(skin);
+  furthest_in_ring_ = cells.furthest_in_column();
   search(particles, cells, ghosts, needs.has_images ? image_shift : std::span<const Vec3>{}, skin, n_active);
   cut(n, n_active);
   is_deferred_.assign(at(n), 0);
@@ -107,7 +108,7 @@ void PairList::search(const Particles& particles, const Cells& cells, std::span<
     for (auto i = static_cast<std::int32_t>(share.begin); i < share.end; ++i) {
       const Vec3 centre = particles.position(i);
       const double reach = particles.radius(i) + skin;
-      const int n_runs = cells.runs_after(i, runs);
+      const int n_runs = cells.runs_after(i, centre, runs);
       for (int r = 0; r < n_runs; ++r) {
         const Vec3 seen = runs[r].image ? centre + image_shift[runs[r].image] : centre;
         if (found.size() < at(runs[r].grains.size())) found.resize(at(2 * runs[r].grains.size()));
@@ -249,7 +250,6 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
     }
   };
 
-  // How many grains lie in a slow layer bounds how far ahead in memory a pair reaches, but for images of the slow axis.
   struct Kept {
     std::int32_t i, j;
     std::uint8_t image;
@@ -275,7 +275,7 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
     kept.clear();
     for (auto& band : bands) band.clear();
     for_each_raw(tile.grain_begin, tile.grain_end, [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
-      const bool is_far = j - i > (mine.grain_end - mine.grain_begin) / 2 && code != 0;
+      const bool is_far = j - i > furthest_in_ring_;  // in another column, or beyond a periodic face
       if (j >= mine.grain_end || is_deferred_[at(i)] || is_deferred_[at(j)] || is_far)
         kept.push_back({i, j, code});
       else

@@ -4,7 +4,7 @@
 // cut into tiles. The forces of a tile's pairs go into a ring of slots that stays in the cache; when a tile is swept, its grains
 // are complete and are summed and advanced at once. A grain that also has pairs in an earlier thread's range is deferred: it
 // waits until all threads are through, and the slots of all its pairs are kept in an array of their own (as are the slots
-// of pairs across a periodic boundary of the slow axis, which would stay too long for a ring).
+// of pairs with a grain of another column of cells, which would stay too long for a ring).
 //
 // With several ranks, a pair of a grain with a ghost is a border pair. Border pairs of a thread lie in a last tile without grains, which is
 // swept when the ghosts are fresh; their grains are deferred, so that everything else needs no ghosts.
@@ -212,6 +212,8 @@ class PairList {
   void set_bands(double skin);
 
   std::array<double, n_bands> band_gap_{};  // [m] least gap between the grains of each band's pairs
+  std::int32_t furthest_in_ring_ =
+      0;  // places from the first to the second grain of a pair whose slot goes to the ring
   std::vector<RawChunk> raw_;
   std::int64_t n_last_ = 0;                    // pairs of the last list, to expect as many
   std::vector<std::vector<CrossPair>> cross_;  // by owning thread

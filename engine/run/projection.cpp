@@ -81,7 +81,7 @@ void Projection::find_pairs(std::span<const GrainSeed> grains) {
     const Range share = share_of(sorted.size(), thread, n_threads_);
     Cells::Run runs[Cells::max_runs];
     for (auto i = static_cast<std::int32_t>(share.begin); i < share.end; ++i) {
-      const int n_runs = cells.runs_after(i, runs);
+      const int n_runs = cells.runs_after(i, sorted.position(i), runs);
       for (int r = 0; r < n_runs; ++r) {
         const auto steps = image::steps(runs[r].image);
         Vec3 seen = sorted.position(i);

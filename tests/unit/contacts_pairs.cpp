@@ -212,6 +212,31 @@ TEST_CASE("ring slots of a tile's grains are not overwritten before the tile is 
     }
 }
 
+TEST_CASE("a wide bed is walked in columns: the same pairs, and rings that do not grow with its width") {
+  std::uint32_t widest_ring = 0;
+  for (const double width : {0.6, 1.2, 2.4}) {
+    Setting setting;
+    setting.domain = {{0, 0, 0}, {2.5, width, 0.02}};
+    setting.periodic = {true, false, false};
+    setting.smallest = setting.largest = 0.01;
+    setting.skin = 0.002;
+    setting.n = static_cast<int>(3000 * width);
+    for (const int n_threads : {1, 3}) {
+      Particles particles = random_particles(setting, 21);
+      Built built;
+      build(built, particles, setting, needs_of(setting), {}, n_threads);
+      CHECK((built.cells.n_columns() > 1) == (width > 1.1));
+      if (width < 2.0)
+        REQUIRE(difference(pairs_by_brute_force(particles, setting, setting.skin), pairs_of(built.list, particles)) ==
+                "");
+      if (width < 1.0)
+        widest_ring = std::max(widest_ring, built.list.threads()[0].ring_mask);
+      else
+        CHECK(built.list.threads()[0].ring_mask <= 2 * widest_ring + 1);  // they are powers of two
+    }
+  }
+}
+
 TEST_CASE("what pairs remember follows them through rebuilds, sorting, crossing of faces and changes of thread count") {
   Setting setting;
   setting.domain = {{0, 0, 0}, {0.9, 0.5, 0.25}};
