@@ -72,7 +72,8 @@ std::vector<Core> cores_of(const std::vector<int>& cpus) {
   // By the place of the core in the machine: those that share caches and memory are numbered one after the other.
   std::map<unsigned, Core> cores;
   for (const int cpu : cpus) {
-    hwloc_obj_t const unit = machine ? hwloc_get_pu_obj_by_os_index(machine.get(), static_cast<unsigned>(cpu)) : nullptr;
+    hwloc_obj_t const unit =
+        machine ? hwloc_get_pu_obj_by_os_index(machine.get(), static_cast<unsigned>(cpu)) : nullptr;
     hwloc_obj_t const core = unit ? hwloc_get_ancestor_obj_by_type(machine.get(), HWLOC_OBJ_CORE, unit) : nullptr;
     if (!core) {  // after all that are known
       cores[(1U << 30) + static_cast<unsigned>(cpu)].cpus = {cpu};

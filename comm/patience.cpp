@@ -18,9 +18,7 @@ namespace {
 std::atomic<Patience> how = Patience::spin;
 std::atomic<double> seconds_waited = 0.0;
 
-double now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
+double now() { return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count(); }
 
 /// Calls is_done() until it is.
 template <typename IsDone>
@@ -44,8 +42,8 @@ void add_waited(double seconds) { seconds_waited = seconds_waited + seconds; }
 
 void be_patient(unsigned n_times) {
   if (how == Patience::spin) {
-    constexpr unsigned spins = 4000;          // a few hundred microseconds
-    if (n_times >= spins) sched_yield();      // costs nothing where nobody else wants the core
+    constexpr unsigned spins = 4000;      // a few hundred microseconds
+    if (n_times >= spins) sched_yield();  // costs nothing where nobody else wants the core
     return;
   }
   // Give way first: what is waited for is often a moment away. Then sleep longer and longer.

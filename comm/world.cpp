@@ -102,7 +102,8 @@ void World::max(std::span<double> values) const {
   if (is_alone()) return;
   const Timed timed(group_->times.reductions);
   complete([&](MPI_Request* request) {
-    MPI_Iallreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_DOUBLE, MPI_MAX, group_->communicator, request);
+    MPI_Iallreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_DOUBLE, MPI_MAX, group_->communicator,
+                   request);
   });
 }
 
@@ -110,7 +111,8 @@ void World::max(std::span<std::uint64_t> values) const {
   if (is_alone()) return;
   const Timed timed(group_->times.reductions);
   complete([&](MPI_Request* request) {
-    MPI_Iallreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_UINT64_T, MPI_MAX, group_->communicator, request);
+    MPI_Iallreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_UINT64_T, MPI_MAX, group_->communicator,
+                   request);
   });
 }
 
@@ -118,7 +120,8 @@ void World::sum(std::span<std::int64_t> values) const {
   if (is_alone()) return;
   const Timed timed(group_->times.reductions);
   complete([&](MPI_Request* request) {
-    MPI_Iallreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_INT64_T, MPI_SUM, group_->communicator, request);
+    MPI_Iallreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_INT64_T, MPI_SUM, group_->communicator,
+                   request);
   });
 }
 
@@ -126,7 +129,8 @@ void World::sum(std::span<std::uint64_t> values) const {
   if (is_alone()) return;
   const Timed timed(group_->times.reductions);
   complete([&](MPI_Request* request) {
-    MPI_Iallreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_UINT64_T, MPI_SUM, group_->communicator, request);
+    MPI_Iallreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_UINT64_T, MPI_SUM, group_->communicator,
+                   request);
   });
 }
 
@@ -186,15 +190,14 @@ void World::broadcast(std::vector<std::byte>& bytes, int root) const {
   if (is_alone()) return;
   const Timed timed(group_->times.reductions);
   std::uint64_t size = bytes.size();
-  complete([&](MPI_Request* request) {
-    MPI_Ibcast(&size, 1, MPI_UINT64_T, root, group_->communicator, request);
-  });
+  complete([&](MPI_Request* request) { MPI_Ibcast(&size, 1, MPI_UINT64_T, root, group_->communicator, request); });
   bytes.resize(size);
   constexpr std::uint64_t most = std::uint64_t{1} << 30;
   for (std::uint64_t done = 0; done < size; done += most)
     complete([&](MPI_Request* request) {
-    MPI_Ibcast(bytes.data() + done, static_cast<int>(std::min(most, size - done)), MPI_BYTE, root, group_->communicator, request);
-  });
+      MPI_Ibcast(bytes.data() + done, static_cast<int>(std::min(most, size - done)), MPI_BYTE, root,
+                 group_->communicator, request);
+    });
 }
 
 void World::broadcast(std::string& text, int root) const {
@@ -261,9 +264,7 @@ std::vector<Parcel> World::exchange(std::vector<Parcel> parcels) const {
 void World::wait_for_all() const {
   if (is_alone()) return;
   const Timed timed(group_->times.reductions);
-  complete([&](MPI_Request* request) {
-    MPI_Ibarrier(group_->communicator, request);
-  });
+  complete([&](MPI_Request* request) { MPI_Ibarrier(group_->communicator, request); });
 }
 
 WorldTimes World::times() const { return group_ ? group_->times : WorldTimes(); }

@@ -62,10 +62,10 @@ Sketch sketch(std::span<const double> work, const std::vector<int>& order, int n
   const std::size_t n_open = n_apart > 0 ? at(n_apart) : cores.size();
   for (int i = n_guests - 1; i >= 0; --i) {
     const int guest = order[at(i)];
-    const auto least = std::min_element(
-        cores.begin(), cores.begin() + static_cast<std::ptrdiff_t>(n_open), [](const LoadedCore& a, const LoadedCore& b) {
-          return a.work != b.work ? a.work < b.work : a.place > b.place;
-        });
+    const auto least = std::min_element(cores.begin(), cores.begin() + static_cast<std::ptrdiff_t>(n_open),
+                                        [](const LoadedCore& a, const LoadedCore& b) {
+                                          return a.work != b.work ? a.work < b.work : a.place > b.place;
+                                        });
     least->add(work[at(guest)]);
     result.host[at(guest)] = least->owner;
     result.place[at(guest)] = least->place;
@@ -320,10 +320,11 @@ Balancer::Decision Balancer::look(const Measure& now) {
     rebuilding = std::max(rebuilding, value(rank, 9));
   }
   // Counted, and each rank's count weighed by what it was measured to cost there: not by more than a noisy machine may mislead.
+  constexpr double least = 0.8, most = 1.25;
   std::vector<double> work(n_ranks, 0.0), weight(n_ranks, 1.0);
   for (std::size_t rank = 0; rank < n_ranks; ++rank) {
     if (value(rank, 0) > 0.0 && all_worked > 0.0 && !counts_only_)
-      weight[rank] = std::clamp(value(rank, 1) / value(rank, 0) / (all_worked / all_counted), 0.7, 1.4);
+      weight[rank] = std::clamp(value(rank, 1) / value(rank, 0) / (all_worked / all_counted), least, most);
     work[rank] = weight[rank] * value(rank, 0);
   }
   const auto n_steps = static_cast<double>(now.step - before_.step);
@@ -347,8 +348,8 @@ Balancer::Decision Balancer::look(const Measure& now) {
   totals_.node_imbalance = 1.0;
   for (int node = 0; node < nodes_.n && all_counted > 0.0; ++node) {
     const std::vector<int> n_threads = of_node(n_threads_, nodes_.node_of, node);
-    const double per_core = sum_of(of_node(work, nodes_.node_of, node)) /
-                            std::accumulate(n_threads.begin(), n_threads.end(), 0);
+    const double per_core =
+        sum_of(of_node(work, nodes_.node_of, node)) / std::accumulate(n_threads.begin(), n_threads.end(), 0);
     const double mean = sum_of(work) / std::accumulate(n_threads_.begin(), n_threads_.end(), 0);
     totals_.node_imbalance = std::max(totals_.node_imbalance, per_core / mean);
   }
@@ -357,8 +358,7 @@ Balancer::Decision Balancer::look(const Measure& now) {
     if (world_.is_root())
       notes_.push_back(fmt::format(
           "balance at step {}: {}{}{}; the longest rank took {:.2f} times the mean, forecast {:.2f}", now.step,
-          plan.moves_cuts ? "cuts between ranks move" : "",
-          plan.moves_cuts && plan.moves_cores ? ", " : "",
+          plan.moves_cuts ? "cuts between ranks move" : "", plan.moves_cuts && plan.moves_cores ? ", " : "",
           plan.moves_cores ? "cores of the ranks " + shares_text(shares_) + " -> " + shares_text(plan.shares) : "",
           plan.now, plan.forecast));
     is_change_open_ = true;

@@ -40,8 +40,8 @@ double busiest_core(std::span<const double> work, std::span<const CoreShare> sha
 struct BalanceView {
   Balance mode = Balance::automatic;
   std::vector<int> node_of;
-  std::vector<double> work;     // of the grain phases, in any unit
-  std::vector<int> n_threads;   // at home
+  std::vector<double> work;    // of the grain phases, in any unit
+  std::vector<int> n_threads;  // at home
   std::vector<CoreShare> shares;
   double seconds_a_step = 0.0;  // [s] of the grain phases, now
   double steps_ahead = 0.0;     // that a new division is likely to last: as long as the one before has
@@ -70,9 +70,9 @@ struct BalanceRow {
   double work = 0.0;  // over the mean of the ranks
   int n_threads = 1;  // in the grain phases, up to now
   // since the row before [s]
-  double grains = 0.0, gas = 0.0;        // wall-clock time of the phases
-  double waited = 0.0;                   // of that for other ranks
-  double worked = 0.0, held = 0.0;       // of all threads, and what they could have worked
+  double grains = 0.0, gas = 0.0;   // wall-clock time of the phases
+  double waited = 0.0;              // of that for other ranks
+  double worked = 0.0, held = 0.0;  // of all threads, and what they could have worked
 };
 
 /// What balance has done so far; the same on all ranks, but for the rows and notes, which the root has.
@@ -81,9 +81,9 @@ struct BalanceTotals {
   std::uint64_t n_core_moves = 0, n_cut_moves = 0;
   // Mean over the looks: longest step over the perfect one, counted; as it was, and as it would have been with the cores of home.
   double imbalance = 1.0, imbalance_at_home = 1.0;
-  double last_imbalance = 1.0;     // as planned, at the last look
-  double node_imbalance = 1.0;     // [-] work of the busiest node for each of its cores, over the mean, at the last look
-  std::vector<int> n_threads;      // of each rank, now
+  double last_imbalance = 1.0;  // as planned, at the last look
+  double node_imbalance = 1.0;  // [-] work of the busiest node for each of its cores, over the mean, at the last look
+  std::vector<int> n_threads;   // of each rank, now
   bool operator==(const BalanceTotals&) const = default;
 };
 
@@ -114,10 +114,10 @@ class Balancer {
   /// What this rank has done since the start, to be looked at.
   struct Measure {
     std::uint64_t step = 0;
-    double time = 0.0;                     // [s]
-    double n_grains = 0.0, n_pairs = 0.0;  // now
-    double counted = 0.0;                  // work of a step, counted
-    PhaseWork rebuild, advance, gas;       // since the start
+    double time = 0.0;                                          // [s]
+    double n_grains = 0.0, n_pairs = 0.0;                       // now
+    double counted = 0.0;                                       // work of a step, counted
+    PhaseWork rebuild, advance, gas;                            // since the start
     double all_waited = 0.0, all_worked = 0.0, all_held = 0.0;  // [s] of all phases
     std::uint64_t n_rebuilds = 0;
   };

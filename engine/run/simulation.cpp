@@ -170,9 +170,7 @@ struct Simulation::Parts {
   bool is_balance_due();
   Balancer::Measure measure() const;
   void cut(std::span<const float> weights);
-  void start(Phase phase) {
-    stopwatch.start(phase, phase == Phase::gas ? balancer.n_gas_threads() : n_threads);
-  }
+  void start(Phase phase) { stopwatch.start(phase, phase == Phase::gas ? balancer.n_gas_threads() : n_threads); }
   void count();
   Kick kick_of(double h) const;
   void advance();
@@ -210,9 +208,9 @@ void Simulation::Parts::cut(std::span<const float> weights) {
     }
   const double widest = moraine::widest_skin(scene, plan);
   const bool is_even = scene.run.balance == Balance::off || scene.run.balance == Balance::threads;
-  contacts->set_subdomains(is_even ? decompose_evenly(world, world.size(), scene, kind.largest_radius, widest)
-                                   : decompose(world, world.size(), positions, those_here, scene, kind.largest_radius,
-                                               widest));
+  contacts->set_subdomains(
+      is_even ? decompose_evenly(world, world.size(), scene, kind.largest_radius, widest)
+              : decompose(world, world.size(), positions, those_here, scene, kind.largest_radius, widest));
   ++n_cuts;
 }
 
@@ -259,8 +257,8 @@ bool Simulation::Parts::balance() {
     if (moves_cuts) {
       std::vector<float> weights(static_cast<std::size_t>(particles.size()));
       for (std::int32_t i = 0; i < particles.size(); ++i)
-        weights[static_cast<std::size_t>(i)] = static_cast<float>(decision.weight) *
-                                               (4.0f + 0.5f * static_cast<float>(contacts->pairs().n_pairs_of(i)));
+        weights[static_cast<std::size_t>(i)] =
+            static_cast<float>(decision.weight) * (4.0f + 0.5f * static_cast<float>(contacts->pairs().n_pairs_of(i)));
       cut(weights);
     }
   }
@@ -762,9 +760,7 @@ void Simulation::force_equal_boxes() {
   parts_->are_equal_boxes_forced = !parts_->world.is_alone();
   parts_->is_list_old = true;
 }
-void Simulation::force_threads(std::function<int(std::uint64_t)> choose) {
-  parts_->forced_threads = std::move(choose);
-}
+void Simulation::force_threads(std::function<int(std::uint64_t)> choose) { parts_->forced_threads = std::move(choose); }
 
 HaloCounts Simulation::halo_counts() const { return parts_->contacts->ghosts().counts(); }
 std::uint64_t Simulation::n_migrated() const { return parts_->contacts->n_migrated(); }

@@ -21,11 +21,11 @@ enum class Phase { rebuild, gas, look, advance, faces, guard, observe, count_ };
 
 /// What a rank's threads did in a phase [s].
 struct PhaseWork {
-  double seconds = 0.0;         // wall-clock time
-  double waited = 0.0;          // of it for other ranks
-  double working = 0.0;         // of all threads together, alone or in parallel
-  double held = 0.0;            // what they could have worked, had they all worked all the time
-  std::vector<double> threads;  // working, of each thread, in parallel
+  double seconds = 0.0;          // wall-clock time
+  double waited = 0.0;           // of it for other ranks
+  double working = 0.0;          // of all threads together, alone or in parallel
+  double held = 0.0;             // what they could have worked, had they all worked all the time
+  std::vector<double> threads;   // working, of each thread, in parallel
   std::vector<double> barriers;  // each thread at barriers between them
   bool operator==(const PhaseWork&) const = default;
 };
@@ -71,7 +71,7 @@ class Stopwatch {
 
   static const char* name(Phase phase) {
     static constexpr const char* names[] = {
-        "sort, pair list, wall candidates", "gas and drag", "looks", "contacts and motion",
+        "sort, pair list, wall candidates", "gas and drag", "looks",           "contacts and motion",
         "periodic faces, outlets",          "guard",        "outside the step"};
     return names[static_cast<std::size_t>(phase)];
   }

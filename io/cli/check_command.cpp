@@ -9,6 +9,7 @@
 #include "engine/run/simulation.hpp"
 #include "engine/walls/walls.hpp"
 #include "io/cli/gas_text.hpp"
+#include "io/cli/launch.hpp"
 #include "io/cli/layout.hpp"
 #include "io/cli/text.hpp"
 #include "io/scene_toml/scene_toml.hpp"

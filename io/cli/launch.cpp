@@ -185,8 +185,9 @@ LayoutChoice layout_for(const Scene& scene, const std::optional<std::string>& as
   const std::string text = asked.value_or(scene.run.layout);
   if (text != "auto") return {parse_layout(text), ""};
   std::uint64_t n_cells = 0;
-  if (scene.gas) n_cells = static_cast<std::uint64_t>(scene.gas->cells[0]) * static_cast<std::uint64_t>(scene.gas->cells[1]) *
-                           static_cast<std::uint64_t>(scene.gas->cells[2]);
+  if (scene.gas)
+    n_cells = static_cast<std::uint64_t>(scene.gas->cells[0]) * static_cast<std::uint64_t>(scene.gas->cells[1]) *
+              static_cast<std::uint64_t>(scene.gas->cells[2]);
   return choose_layout(make_plan(scene, 1).n_grains, n_cells, cores_of(available_cpus()),
                        find_program({"mpirun.openmpi", "mpirun"}).has_value() && !has_several_nodes());
 }

@@ -140,7 +140,7 @@ GivenLayout layout_of_given_ranks(const std::optional<std::string>& asked, const
     answer = std::to_string(n) + (are_crowded(ranks, n) ? " crowded" : " roomy");
   }
   world.broadcast(answer);
-  return {{world.size(), std::stoi(answer)}, answer.ends_with("crowded")};
+  return {{world.size(), std::stoi(answer)}, answer.ends_with("crowded"), ""};
 }
 
 }  // namespace moraine

@@ -30,9 +30,9 @@ const std::vector<std::string> energy_columns = {"time [s]",
                                                  "total [J]",
                                                  "error [J]"};
 
-const std::vector<std::string> balance_columns = {
-    "time [s]", "rank",     "node",    "grains",     "pairs",      "work over mean", "threads", "grain phases [s]",
-    "gas [s]",  "waited [s]", "worked [s]", "held [s]"};
+const std::vector<std::string> balance_columns = {"time [s]", "rank",           "node",       "grains",
+                                                  "pairs",    "work over mean", "threads",    "grain phases [s]",
+                                                  "gas [s]",  "waited [s]",     "worked [s]", "held [s]"};
 
 std::vector<double> balance_values(const BalanceRow& row) {
   return {row.time,

@@ -74,8 +74,8 @@ class Outputs {
   Schedule snapshots_, checkpoints_;
   std::optional<SnapshotSeries> series_;  // of the root, and of the others once it has dropped what is old
   std::vector<ProbeTable> probes_;
-  std::optional<TableFile> energy_;  // of the root
-  std::optional<TableFile> hashes_;  // of the root
+  std::optional<TableFile> energy_;   // of the root
+  std::optional<TableFile> hashes_;   // of the root
   std::optional<TableFile> balance_;  // of the root
   std::optional<std::filesystem::path> last_checkpoint_;
   std::optional<std::uint64_t> last_checkpoint_step_;

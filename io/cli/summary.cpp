@@ -52,8 +52,8 @@ std::vector<NamedWork> work_of_steps(const Simulation& simulation, const RunMark
 }
 
 Json json_of(const NamedWork& row) {
-  return {{"phase", row.phase},          {"seconds", row.work.seconds}, {"waited", row.work.waited},
-          {"working", row.work.working}, {"held", row.work.held},       {"threads", row.work.threads},
+  return {{"phase", row.phase},           {"seconds", row.work.seconds}, {"waited", row.work.waited},
+          {"working", row.work.working},  {"held", row.work.held},       {"threads", row.work.threads},
           {"barriers", row.work.barriers}};
 }
 
@@ -358,8 +358,8 @@ double peak_memory() {
 }
 
 RunMark mark_of(const Simulation& simulation, int n_threads) {
-  return {simulation.phases(), simulation.n_rebuilds(), simulation.n_looks(),
-          simulation.n_cuts(), simulation.n_migrated(), cpus_of_threads(n_threads), simulation.work()};
+  return {simulation.phases(),     simulation.n_rebuilds(),    simulation.n_looks(), simulation.n_cuts(),
+          simulation.n_migrated(), cpus_of_threads(n_threads), simulation.work()};
 }
 
 OverRanks RunSummary::phase(std::size_t i) const {

@@ -27,7 +27,7 @@ struct RunTimes {
 struct RunMark {
   std::vector<PhaseTime> phases;  // empty: all from zero
   std::uint64_t n_rebuilds = 0, n_looks = 0, n_cuts = 0, n_migrated = 0;
-  std::vector<int> cpus;         // of its threads
+  std::vector<int> cpus;        // of its threads
   std::vector<NamedWork> work;  // empty: all from zero
 };
 RunMark mark_of(const Simulation& simulation, int n_threads);
@@ -56,8 +56,8 @@ struct OverRanks {
 
 /// Where the time of all threads of a run went [s].
 struct ThreadUse {
-  double held = 0.0;         // in the steps
-  double working = 0.0;      // of that
+  double held = 0.0;             // in the steps
+  double working = 0.0;          // of that
   double waiting_ranks = 0.0;    // while their rank waited for others
   double waiting_threads = 0.0;  // for each other, or while one works alone
 };

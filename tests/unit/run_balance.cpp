@@ -64,7 +64,9 @@ TEST_CASE("on two cores a dilute rank becomes the guest of a dense one, not besi
   CHECK(busiest_core(work, shares) < 0.6);
 }
 
-TEST_CASE("shares use cores of the node only, none is idle while another is crowded, and never take longer than those of home") {
+TEST_CASE(
+    "shares use cores of the node only, none is idle while another is crowded, and never take longer than those of "
+    "home") {
   for (std::uint64_t round = 0; round < 400; ++round) {
     const auto u = [&](std::uint64_t k) { return random_uniform(11, 100 * round + k, RandomPurpose::choice); };
     const int n_ranks = 1 + static_cast<int>(8 * u(0));
