@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "comm/mpi.hpp"
+#include "comm/wait.hpp"
 
 namespace moraine {
 
@@ -94,7 +95,7 @@ void Halo::finish() {
   Requests& r = *requests_;
   if (r.all.empty()) return;
   const auto since = std::chrono::steady_clock::now();
-  MPI_Waitall(static_cast<int>(r.all.size()), r.all.data(), MPI_STATUSES_IGNORE);
+  wait_for_all(r.all);
   r.waited += std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count();
 }
 

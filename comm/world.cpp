@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "comm/mpi.hpp"
+#include "comm/wait.hpp"
 
 namespace moraine {
 
@@ -21,6 +22,14 @@ constexpr std::array<int, 2> parcel_tags = {1, 3};
 int count_of(std::size_t n) {
   if (n > INT_MAX) throw std::runtime_error("a message of more than 2 GB between ranks: use more ranks");
   return static_cast<int>(n);
+}
+
+/// A collective call that has been started, until it is done.
+template <typename Start>
+void complete(Start start) {
+  MPI_Request request = MPI_REQUEST_NULL;
+  start(&request);
+  wait_for(request);
 }
 
 /// Adds its lifetime to a sum [s].
@@ -92,32 +101,46 @@ std::optional<World> World::first(int n) const {
 void World::max(std::span<double> values) const {
   if (is_alone()) return;
   const Timed timed(group_->times.reductions);
-  MPI_Allreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_DOUBLE, MPI_MAX, group_->communicator);
+  complete([&](MPI_Request* request) {
+    MPI_Iallreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_DOUBLE, MPI_MAX, group_->communicator,
+                   request);
+  });
 }
 
 void World::max(std::span<std::uint64_t> values) const {
   if (is_alone()) return;
   const Timed timed(group_->times.reductions);
-  MPI_Allreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_UINT64_T, MPI_MAX, group_->communicator);
+  complete([&](MPI_Request* request) {
+    MPI_Iallreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_UINT64_T, MPI_MAX, group_->communicator,
+                   request);
+  });
 }
 
 void World::sum(std::span<std::int64_t> values) const {
   if (is_alone()) return;
   const Timed timed(group_->times.reductions);
-  MPI_Allreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_INT64_T, MPI_SUM, group_->communicator);
+  complete([&](MPI_Request* request) {
+    MPI_Iallreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_INT64_T, MPI_SUM, group_->communicator,
+                   request);
+  });
 }
 
 void World::sum(std::span<std::uint64_t> values) const {
   if (is_alone()) return;
   const Timed timed(group_->times.reductions);
-  MPI_Allreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_UINT64_T, MPI_SUM, group_->communicator);
+  complete([&](MPI_Request* request) {
+    MPI_Iallreduce(MPI_IN_PLACE, values.data(), count_of(values.size()), MPI_UINT64_T, MPI_SUM, group_->communicator,
+                   request);
+  });
 }
 
 std::uint64_t World::sum_before(std::uint64_t value) const {
   if (is_alone()) return 0;
   const Timed timed(group_->times.reductions);
   std::uint64_t before = 0;
-  MPI_Exscan(&value, &before, 1, MPI_UINT64_T, MPI_SUM, group_->communicator);
+  complete([&](MPI_Request* request) {
+    MPI_Iexscan(&value, &before, 1, MPI_UINT64_T, MPI_SUM, group_->communicator, request);
+  });
   return is_root() ? 0 : before;  // the first rank's is not defined
 }
 
@@ -125,7 +148,9 @@ std::vector<std::uint64_t> World::gather(std::uint64_t value) const {
   std::vector<std::uint64_t> all(static_cast<std::size_t>(size()), value);
   if (is_alone()) return all;
   const Timed timed(group_->times.reductions);
-  MPI_Allgather(&value, 1, MPI_UINT64_T, all.data(), 1, MPI_UINT64_T, group_->communicator);
+  complete([&](MPI_Request* request) {
+    MPI_Iallgather(&value, 1, MPI_UINT64_T, all.data(), 1, MPI_UINT64_T, group_->communicator, request);
+  });
   return all;
 }
 
@@ -133,7 +158,20 @@ std::vector<double> World::gather(double value) const {
   std::vector<double> all(static_cast<std::size_t>(size()), value);
   if (is_alone()) return all;
   const Timed timed(group_->times.reductions);
-  MPI_Allgather(&value, 1, MPI_DOUBLE, all.data(), 1, MPI_DOUBLE, group_->communicator);
+  complete([&](MPI_Request* request) {
+    MPI_Iallgather(&value, 1, MPI_DOUBLE, all.data(), 1, MPI_DOUBLE, group_->communicator, request);
+  });
+  return all;
+}
+
+std::vector<double> World::gather(std::span<const double> values) const {
+  std::vector<double> all(values.size() * static_cast<std::size_t>(size()));
+  if (is_alone()) return {values.begin(), values.end()};
+  const Timed timed(group_->times.reductions);
+  const int n = count_of(values.size());
+  complete([&](MPI_Request* request) {
+    MPI_Iallgather(values.data(), n, MPI_DOUBLE, all.data(), n, MPI_DOUBLE, group_->communicator, request);
+  });
   return all;
 }
 
@@ -152,11 +190,14 @@ void World::broadcast(std::vector<std::byte>& bytes, int root) const {
   if (is_alone()) return;
   const Timed timed(group_->times.reductions);
   std::uint64_t size = bytes.size();
-  MPI_Bcast(&size, 1, MPI_UINT64_T, root, group_->communicator);
+  complete([&](MPI_Request* request) { MPI_Ibcast(&size, 1, MPI_UINT64_T, root, group_->communicator, request); });
   bytes.resize(size);
   constexpr std::uint64_t most = std::uint64_t{1} << 30;
   for (std::uint64_t done = 0; done < size; done += most)
-    MPI_Bcast(bytes.data() + done, static_cast<int>(std::min(most, size - done)), MPI_BYTE, root, group_->communicator);
+    complete([&](MPI_Request* request) {
+      MPI_Ibcast(bytes.data() + done, static_cast<int>(std::min(most, size - done)), MPI_BYTE, root,
+                 group_->communicator, request);
+    });
 }
 
 void World::broadcast(std::string& text, int root) const {
@@ -186,7 +227,8 @@ std::vector<Parcel> World::exchange(std::vector<Parcel> parcels) const {
   }
   MPI_Request everyone = MPI_REQUEST_NULL;
   bool is_waiting_for_everyone = false;
-  for (;;) {
+  const auto since = std::chrono::steady_clock::now();
+  for (unsigned n_times = 0;;) {
     int has_come = 0;
     MPI_Status status;
     MPI_Iprobe(MPI_ANY_SOURCE, parcel_tag, comm, &has_come, &status);
@@ -196,6 +238,7 @@ std::vector<Parcel> World::exchange(std::vector<Parcel> parcels) const {
       Parcel parcel{status.MPI_SOURCE, std::vector<std::byte>(static_cast<std::size_t>(n))};
       MPI_Recv(parcel.bytes.data(), n, MPI_BYTE, parcel.rank, parcel_tag, comm, MPI_STATUS_IGNORE);
       arrived.push_back(std::move(parcel));
+      n_times = 0;
       continue;
     }
     int is_done = 0;
@@ -207,9 +250,12 @@ std::vector<Parcel> World::exchange(std::vector<Parcel> parcels) const {
       if (is_done) {
         MPI_Ibarrier(comm, &everyone);
         is_waiting_for_everyone = true;
+        continue;
       }
     }
+    be_patient(n_times++);
   }
+  add_waited(std::chrono::duration<double>(std::chrono::steady_clock::now() - since).count());
   // A rank's own messages keep their order; those of different ranks come as they like.
   std::stable_sort(arrived.begin(), arrived.end(), [](const Parcel& x, const Parcel& y) { return x.rank < y.rank; });
   return arrived;
@@ -218,7 +264,7 @@ std::vector<Parcel> World::exchange(std::vector<Parcel> parcels) const {
 void World::wait_for_all() const {
   if (is_alone()) return;
   const Timed timed(group_->times.reductions);
-  MPI_Barrier(group_->communicator);
+  complete([&](MPI_Request* request) { MPI_Ibarrier(group_->communicator, request); });
 }
 
 WorldTimes World::times() const { return group_ ? group_->times : WorldTimes(); }

@@ -55,6 +55,8 @@ class World {
   /// The value of each rank. All ranks call it.
   std::vector<std::uint64_t> gather(std::uint64_t value) const;
   std::vector<double> gather(double value) const;
+  /// The values of each rank, one rank after the other. All ranks call it, with as many values.
+  std::vector<double> gather(std::span<const double> values) const;
   /// The text of each rank at the root, in order of rank; empty elsewhere. All ranks call it.
   std::vector<std::string> gather_at_root(const std::string& text) const;
   /// What the root holds, at all ranks. All ranks call it.

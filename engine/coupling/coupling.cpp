@@ -362,6 +362,8 @@ CouplingReport Coupling::advance(Particles& particles, double time, double step)
   return parts_->advance(particles, time, step);
 }
 
+void Coupling::set_grain_threads(int n_threads) { parts_->grains.set_threads(n_threads); }
+
 GasFlow* Coupling::flow() { return parts_->flow.get(); }
 const GasGrid& Coupling::grid() const { return parts_->grid; }
 const GridShare& Coupling::share() const { return parts_->blocks; }

@@ -29,6 +29,9 @@ class Coupling {
   Coupling(Coupling&&) noexcept;
   Coupling& operator=(Coupling&&) noexcept;
 
+  /// What is to be done for grains is done by so many threads from now on, what for cells by those of the start.
+  void set_grain_threads(int n_threads);
+
   /// Advances the gas from `time` by `step` [s] to the grains as they are now, and sets what each owned grain feels until the next
   /// call: Field::gas_acceleration, drag, pressure gradient and buoyancy over its mass [m/s2].
   CouplingReport advance(Particles& particles, double time, double step);

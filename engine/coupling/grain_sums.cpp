@@ -9,6 +9,11 @@ namespace moraine {
 GrainSums::GrainSums(CellWeights weights, bool is_flat, int n_threads)
     : weights_(weights), is_flat_(is_flat), n_threads_(n_threads), shares_(static_cast<std::size_t>(n_threads)) {}
 
+void GrainSums::set_threads(int n_threads) {
+  n_threads_ = n_threads;
+  shares_.resize(static_cast<std::size_t>(n_threads));
+}
+
 GrainExtent GrainSums::look(const Particles& particles) {
   records_ = particles.records();
   stride_ = particles.stride();

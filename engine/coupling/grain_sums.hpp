@@ -23,6 +23,8 @@ class GrainSums {
  public:
   GrainSums(CellWeights weights, bool is_flat, int n_threads);
 
+  /// From the next look on.
+  void set_threads(int n_threads);
   /// Looks at the grains as they are; to be called before all else when they have changed.
   GrainExtent look(const Particles& particles);
   /// The cells that they touch; empty without grains.

@@ -19,4 +19,7 @@ double widest_skin(const Scene& scene, const Plan& plan);
 Subdomains decompose(const World& world, int n_parts, std::span<const Vec3> positions, std::span<const float> weights,
                      const Scene& scene, double largest_radius, double widest);
 
+/// Equal boxes, as nearly as parts may be cut, wherever the grains are. All ranks call it.
+Subdomains decompose_evenly(const World& world, int n_parts, const Scene& scene, double largest_radius, double widest);
+
 }  // namespace moraine

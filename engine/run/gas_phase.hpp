@@ -29,6 +29,8 @@ class GasPhase {
   std::uint64_t until_next(std::uint64_t step) const { return grain_steps_ - step % grain_steps_; }
   /// One gas step to the grains as they are. Throws RunError where grains would overshoot, for the gas step is too long. All ranks.
   void advance(Particles& particles, double time);
+  /// For the grains' part of it.
+  void set_grain_threads(int n_threads) { coupling_.set_grain_threads(n_threads); }
 
   const GasTotals& totals() const { return totals_; }
   /// Bytes that the gas of this rank and its exchange with grains hold.

@@ -13,6 +13,7 @@
 #include "engine/contacts/contacts.hpp"
 #include "engine/particles/fill.hpp"
 #include "engine/particles/particles.hpp"
+#include "engine/run/balance.hpp"
 #include "engine/run/census.hpp"
 #include "engine/run/decomposition.hpp"
 #include "engine/run/gas_phase.hpp"
@@ -127,8 +128,13 @@ struct Simulation::Parts {
   World world;
   std::uint64_t next_look = 0, last_surprise = 0, n_looks = 0;  // [steps]
   bool is_stop_wanted = false, is_stop_agreed = false;
-  std::uint64_t n_cuts = 0, rebuilds_since_cut = 0;
-  double worked_until_cut = 0.0;  // [s] of this rank
+  std::uint64_t n_cuts = 0;
+
+  Balancer balancer;
+  std::uint64_t rebuilds_since_balance = 0, step_of_balance = 0;
+  // For tests.
+  std::function<int(std::uint64_t)> forced_threads;
+  bool are_equal_boxes_forced = false;
 
   Parts(const Scene& s, int threads, const World& ranks)
       : scene(s),
@@ -138,7 +144,8 @@ struct Simulation::Parts {
         particles(needs_of(s)),
         dt(plan.time_step.step),
         probe_memory(s.output.probes.size()),
-        world(ranks) {}
+        world(ranks),
+        balancer(ranks, s.run.balance, threads) {}
 
   double time() const { return static_cast<double>(step) * dt; }
   double mean_diameter() const { return 10.0 * plan.skin; }  // [m] as the plan has it
@@ -159,9 +166,11 @@ struct Simulation::Parts {
   double largest_travel() const;
   double largest_push() const;
   void rebuild();
-  void balance();
-  double worked() const;
+  bool balance();
+  bool is_balance_due();
+  Balancer::Measure measure() const;
   void cut(std::span<const float> weights);
+  void start(Phase phase) { stopwatch.start(phase, phase == Phase::gas ? balancer.n_gas_threads() : n_threads); }
   void count();
   Kick kick_of(double h) const;
   void advance();
@@ -188,7 +197,7 @@ void Simulation::Parts::make_contacts() {
   if (!world.is_alone()) cut({});
 }
 
-/// Divides space anew; grains move at the next rebuild. Weights of this rank's grains, in any unit that all ranks use; empty: all the same.
+/// Divides space anew, into equal boxes where nothing is to follow the grains but cores; grains move at the next rebuild. Weights of this rank's grains, in any unit that all ranks use; empty: all the same.
 void Simulation::Parts::cut(std::span<const float> weights) {
   std::vector<Vec3> positions;
   std::vector<float> those_here;
@@ -197,45 +206,64 @@ void Simulation::Parts::cut(std::span<const float> weights) {
       positions.push_back(particles.position(i));
       if (!weights.empty()) those_here.push_back(weights[static_cast<std::size_t>(i)]);
     }
-  contacts->set_subdomains(decompose(world, world.size(), positions, those_here, scene, kind.largest_radius,
-                                     moraine::widest_skin(scene, plan)));
+  const double widest = moraine::widest_skin(scene, plan);
+  const bool is_even = scene.run.balance == Balance::off || scene.run.balance == Balance::threads;
+  contacts->set_subdomains(
+      is_even ? decompose_evenly(world, world.size(), scene, kind.largest_radius, widest)
+              : decompose(world, world.size(), positions, those_here, scene, kind.largest_radius, widest));
   ++n_cuts;
-  rebuilds_since_cut = 0;
-  worked_until_cut = worked();
 }
 
-/// Time that this rank has spent on its grains, waiting left out [s].
-double Simulation::Parts::worked() const {
-  return stopwatch.seconds(Phase::advance) - contacts->ghosts().halo().waited();
+/// Every eighth rebuild, and after some hundred steps in any case.
+bool Simulation::Parts::is_balance_due() {
+  constexpr std::uint64_t rebuilds = 8, steps = 400;
+  if (++rebuilds_since_balance < rebuilds && step < step_of_balance + steps) return false;
+  rebuilds_since_balance = 0;
+  step_of_balance = step;
+  return step > 0;
 }
 
-/// Moves the cuts where the ranks' work has drifted apart: counted in pairs and grains, and each rank's count weighed by what it was
-/// measured to cost there.
-void Simulation::Parts::balance() {
-  constexpr std::uint64_t least_rebuilds = 8;
-  constexpr double tolerated = 1.1;
-  if (world.is_alone() || ++rebuilds_since_cut < least_rebuilds) return;
-  std::vector<float> weights(static_cast<std::size_t>(particles.size()));
-  double work = 0.0;
-  for (std::int32_t i = 0; i < particles.size(); ++i)
-    work += weights[static_cast<std::size_t>(i)] = 4.0f + static_cast<float>(contacts->pairs().n_pairs_of(i));
-  const std::vector<double> all_work = world.gather(work), all_seconds = world.gather(worked() - worked_until_cut);
-  const auto imbalance = [](const std::vector<double>& values) {
-    const double sum = std::accumulate(values.begin(), values.end(), 0.0);
-    const double most = *std::max_element(values.begin(), values.end());
-    return sum > 0.0 ? most * static_cast<double>(values.size()) / sum : 1.0;
-  };
-  if (imbalance(all_work) < tolerated && imbalance(all_seconds) < tolerated) {
-    rebuilds_since_cut = 0;  // look again after as many
-    return;
+Balancer::Measure Simulation::Parts::measure() const {
+  Balancer::Measure now;
+  now.step = step;
+  now.time = time();
+  now.n_grains = static_cast<double>(particles.size());
+  now.n_pairs = static_cast<double>(contacts->n_pairs());
+  now.counted = 4.0 * now.n_grains + now.n_pairs;
+  now.rebuild = stopwatch.work(Phase::rebuild);
+  now.advance = stopwatch.work(Phase::advance);
+  now.gas = stopwatch.work(Phase::gas);
+  for (const Phase phase : {Phase::rebuild, Phase::gas, Phase::look, Phase::advance, Phase::faces, Phase::guard}) {
+    const PhaseWork work = stopwatch.work(phase);
+    now.all_waited += work.waited;
+    now.all_worked += work.working;
+    now.all_held += work.held;
   }
-  const double sum_work = std::accumulate(all_work.begin(), all_work.end(), 0.0);
-  const double sum_seconds = std::accumulate(all_seconds.begin(), all_seconds.end(), 0.0);
-  if (work > 0.0 && sum_seconds > 0.0) {
-    const double relative = (worked() - worked_until_cut) / work / (sum_seconds / sum_work);
-    for (float& weight : weights) weight *= static_cast<float>(std::clamp(relative, 0.7, 1.4));
+  now.n_rebuilds = n_rebuilds;
+  return now;
+}
+
+/// Looks where the work is by now: cores may change hands, for which a rebuild is the moment, and cuts may move (true).
+bool Simulation::Parts::balance() {
+  if (forced_threads) balancer.force(forced_threads(n_rebuilds));
+  bool moves_cuts = false;
+  if (are_equal_boxes_forced) {
+    are_equal_boxes_forced = false;
+    contacts->set_subdomains(
+        decompose_evenly(world, world.size(), scene, kind.largest_radius, moraine::widest_skin(scene, plan)));
+  } else if (is_balance_due()) {
+    const Balancer::Decision decision = balancer.look(measure());
+    moves_cuts = decision.moves_cuts;
+    if (moves_cuts) {
+      std::vector<float> weights(static_cast<std::size_t>(particles.size()));
+      for (std::int32_t i = 0; i < particles.size(); ++i)
+        weights[static_cast<std::size_t>(i)] =
+            static_cast<float>(decision.weight) * (4.0f + 0.5f * static_cast<float>(contacts->pairs().n_pairs_of(i)));
+      cut(weights);
+    }
   }
-  cut(weights);
+  n_threads = balancer.n_threads();
+  return moves_cuts;
 }
 
 double Simulation::Parts::widest_skin() const {
@@ -289,8 +317,11 @@ double Simulation::Parts::largest_push() const {
 /// The gas steps to the grains as they are, and sets what they feel until it steps again.
 void Simulation::Parts::advance_gas() {
   if (!gas || !gas->is_due(step)) return;
-  stopwatch.start(Phase::gas);
+  start(Phase::gas);
+  balancer.enter_gas_phases();
+  gas->set_grain_threads(n_threads);
   gas->advance(particles, time());
+  balancer.enter_grain_phases();
   next_look = step;  // what was foreseen without knowing how the gas would push
 }
 
@@ -298,12 +329,14 @@ StepPlan Simulation::Parts::decide() {
   StepPlan todo;
   todo.rebuild = is_list_old || time() >= next_wall_change;
   if (todo.rebuild) return todo;
+  const bool looks = world.is_alone() ? travelled > allowed_travel() : step >= next_look;
+  if (looks) start(Phase::look);
   if (!world.is_alone()) {
-    if (step >= next_look)
+    if (looks)
       todo.rebuild = look();
     else
       check_travel();
-  } else if (travelled > allowed_travel()) {
+  } else if (looks) {
     // The bound adds up the fastest grain of every step; where it is used up, look how far the grains have really come.
     travelled = largest_travel();
     todo.rebuild = travelled > 0.95 * allowed_travel();
@@ -349,14 +382,17 @@ void Simulation::Parts::check_travel() {
 }
 
 void Simulation::Parts::rebuild() {
-  stopwatch.start(Phase::rebuild);
+  start(Phase::rebuild);
   ++n_rebuilds;
   if (contacts->are_set_aside()) trim_heap();  // of the image
   choose_skin();
-  balance();
+  const double before = n_rebuilds > 1 ? stopwatch.seconds(Phase::rebuild) / static_cast<double>(n_rebuilds - 1) : 0.0;
+  const double begin = threads::now();
+  const bool is_cut = balance();
   place_at_rebuild = {};
   contacts->rebuild(particles, skin, time(), n_threads);
   after_rebuild();
+  if (is_cut) balancer.note_cut(step, threads::now() - begin - before);
 }
 
 void Simulation::Parts::after_rebuild() {
@@ -399,7 +435,7 @@ Kick Simulation::Parts::kick_of(double h) const {
 }
 
 void Simulation::Parts::advance() {
-  stopwatch.start(Phase::advance);
+  start(Phase::advance);
   // Velocities start at the positions, and are half a step behind them from then on.
   contacts->advance(particles, kick_of(step == 0 ? 0.5 * dt : dt), dt, travelled, n_threads, result);
   if (step == 0 && particles.has(Field::dissipated)) {  // rates are counted for half a step at the start
@@ -443,7 +479,7 @@ void Simulation::Parts::remove(std::int32_t i) {
 }
 
 void Simulation::Parts::cross_faces() {
-  stopwatch.start(Phase::faces);
+  start(Phase::faces);
   const Box box = scene.domain.box();
   std::vector<std::int32_t> outside = result.outside;
   const bool has_boxes = std::any_of(scene.outlets.begin(), scene.outlets.end(),
@@ -479,7 +515,7 @@ void Simulation::Parts::cross_faces() {
 }
 
 void Simulation::Parts::guard() {
-  stopwatch.start(Phase::guard);
+  start(Phase::guard);
   if (result.is_any_not_finite) throw RunError(explain_not_finite(guard_view()));
   if (result.has_large_overlap) throw RunError(explain_overlap(guard_view()));
   if (result.max_speed * dt > max_travel * kind.smallest_radius) {
@@ -492,7 +528,7 @@ void Simulation::Parts::guard() {
 void Simulation::Parts::tick() {
   ++step;
   ++steps_since_rebuild;
-  stopwatch.start(Phase::observe);
+  start(Phase::observe);
 }
 
 void Simulation::Parts::check_start() {
@@ -609,7 +645,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const World& world) {
   p.rebuild();
   p.check_start();
   if (scene.output.energy) p.energy();
-  p.stopwatch.start(Phase::observe);
+  p.start(Phase::observe);
 }
 
 Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, const World& world) {
@@ -645,7 +681,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
   forget_lists(p.scene);
   p.contacts->restore(p.particles, std::move(pairs), std::move(wall_memory), p.skin, p.time(), n_threads);
   p.after_rebuild();
-  p.stopwatch.start(Phase::observe);
+  p.start(Phase::observe);
 }
 
 Simulation::~Simulation() = default;
@@ -690,14 +726,41 @@ double Simulation::memory() const {
                              p.place_at_rebuild.capacity() * sizeof(Vec3) + (p.gas ? p.gas->memory() : 0));
 }
 std::vector<PhaseTime> Simulation::phases() const {
-  std::vector<PhaseTime> rows = parts_->stopwatch.table();
-  if (parts_->world.is_alone()) return rows;
-  const double waited = parts_->contacts->ghosts().halo().waited();
-  const auto advance = rows.begin() + static_cast<std::ptrdiff_t>(Phase::advance);
-  advance->seconds -= waited;
-  rows.insert(advance + 1, {"waiting for ghosts", waited});
+  std::vector<PhaseTime> rows;
+  const Stopwatch& watch = parts_->stopwatch;
+  const bool is_alone = parts_->world.is_alone();
+  for (const Phase phase :
+       {Phase::rebuild, Phase::gas, Phase::look, Phase::advance, Phase::faces, Phase::guard, Phase::observe}) {
+    const double waited = is_alone ? 0.0 : watch.waited(phase);
+    rows.push_back({Stopwatch::name(phase), watch.seconds(phase) - waited});
+    const char* const name = phase == Phase::rebuild   ? "waiting in rebuilds"
+                             : phase == Phase::gas     ? "waiting in the gas"
+                             : phase == Phase::look    ? "waiting in looks"
+                             : phase == Phase::advance ? "waiting for ghosts"
+                                                       : nullptr;
+    if (name && !is_alone) rows.push_back({name, waited});
+  }
   return rows;
 }
+
+std::vector<NamedWork> Simulation::work() const {
+  std::vector<NamedWork> rows;
+  for (const Phase phase : {Phase::rebuild, Phase::gas, Phase::look, Phase::advance, Phase::faces, Phase::guard})
+    rows.push_back({Stopwatch::name(phase), parts_->stopwatch.work(phase)});
+  return rows;
+}
+
+int Simulation::n_threads() const { return parts_->n_threads; }
+const BalanceTotals& Simulation::balance() const { return parts_->balancer.totals(); }
+std::vector<BalanceRow> Simulation::take_balance_rows() { return parts_->balancer.take_rows(); }
+std::vector<std::string> Simulation::take_balance_notes() { return parts_->balancer.take_notes(); }
+std::vector<std::string> Simulation::keep_to_cores() { return parts_->balancer.keep_to_cores(); }
+void Simulation::force_counting() { parts_->balancer.count_only(); }
+void Simulation::force_equal_boxes() {
+  parts_->are_equal_boxes_forced = !parts_->world.is_alone();
+  parts_->is_list_old = true;
+}
+void Simulation::force_threads(std::function<int(std::uint64_t)> choose) { parts_->forced_threads = std::move(choose); }
 
 HaloCounts Simulation::halo_counts() const { return parts_->contacts->ghosts().counts(); }
 std::uint64_t Simulation::n_migrated() const { return parts_->contacts->n_migrated(); }

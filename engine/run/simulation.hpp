@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <stdexcept>
@@ -10,6 +11,7 @@
 
 #include "comm/world.hpp"
 #include "engine/contacts/ghosts.hpp"
+#include "engine/run/balance.hpp"
 #include "engine/run/image.hpp"
 #include "engine/run/ledger.hpp"
 #include "engine/run/plan.hpp"
@@ -28,6 +30,13 @@ struct GasTotals {
   double least_void_fraction = 1.0;
   double momentum_error = 0.0;  // [-] largest difference of what the gas lost and the grains got
   bool operator==(const GasTotals&) const = default;
+};
+
+/// What the threads of a rank did in a phase.
+struct NamedWork {
+  std::string phase;
+  PhaseWork work;
+  bool operator==(const NamedWork&) const = default;
 };
 
 /// The run cannot go on: what happened to which grain, with its contacts, and the likely cure.
@@ -89,6 +98,24 @@ class Simulation {
   std::optional<GasTotals> gas_totals() const;
   /// Where the time of this rank went since the start.
   std::vector<PhaseTime> phases() const;
+  /// What the threads of this rank did in each phase since the start, waiting apart from working.
+  std::vector<NamedWork> work() const;
+
+  /// Threads keep to cores from now on, those of the ranks of a node together, which change hands as `run.balance` of the scene says. For programs that
+  /// have the machine to themselves; without it the numbers of threads follow the grains, and the system places them. All ranks.
+  /// What there is to say of it.
+  std::vector<std::string> keep_to_cores();
+  int n_threads() const;  // of this rank in the grain phases, now
+  const BalanceTotals& balance() const;
+  /// At the root, since the last call: lines over time, and what was done and gained, in words.
+  std::vector<BalanceRow> take_balance_rows();
+  std::vector<std::string> take_balance_notes();
+  /// For tests: this rank's threads from each rebuild on, by the number of the rebuild.
+  void force_threads(std::function<int(std::uint64_t)> choose);
+  /// For tests: balance goes by counted work alone, so that a busy machine does not matter.
+  void force_counting();
+  /// For tests: at the next rebuild space is divided into equal boxes, wherever the grains are. All ranks.
+  void force_equal_boxes();
 
   /// One row of a probe, with its column names; the observers call it when it is due. All ranks.
   std::vector<std::string> probe_columns(std::size_t probe) const;

@@ -297,8 +297,13 @@ struct Output {
 
 enum class Precision { double_, mixed };
 
+/// What may follow the grains as they move from the space of one rank to that of another: the shares of the cores of a node that
+/// ranks have, the cuts between ranks, both, or nothing.
+enum class Balance { automatic, threads, cuts, off };
+
 struct RunControl {
   std::string layout = "auto";  // ranks x threads
+  Balance balance = Balance::automatic;
   Precision precision = Precision::double_;
   double skin = 0.0;         // [m]; 0: chosen
   double max_overlap = 0.5;  // [-] of the smaller radius; beyond it the run stops

@@ -9,6 +9,7 @@
 #include "engine/run/simulation.hpp"
 #include "engine/walls/walls.hpp"
 #include "io/cli/gas_text.hpp"
+#include "io/cli/launch.hpp"
 #include "io/cli/layout.hpp"
 #include "io/cli/text.hpp"
 #include "io/scene_toml/scene_toml.hpp"
@@ -130,6 +131,17 @@ std::string time_rows(const Scene& scene, const Plan& plan) {
   return rows + row("time", fmt::format("{:.6g} s in {}", scene.time.end, counted(plan.n_steps, "step")));
 }
 
+std::string balance_text(Balance balance, const Layout& layout) {
+  if (layout.ranks == 1) return "one rank, nothing to balance";
+  switch (balance) {
+    case Balance::automatic: return "cores follow the grains, and cuts where that is not enough";
+    case Balance::threads: return "cores of a node follow the grains; ranks have equal boxes";
+    case Balance::cuts: return "cuts between ranks follow the grains";
+    case Balance::off: break;
+  }
+  return "off; ranks have equal boxes";
+}
+
 std::vector<std::string> output_lines(const Scene& scene, double time_step) {
   const Output& output = scene.output;
   std::vector<std::string> lines;
@@ -150,7 +162,8 @@ std::string check_text(const std::filesystem::path& scene_file, const std::vecto
                        const std::optional<std::string>& layout) {
   std::vector<SceneMessage> messages;
   const Scene scene = read_scene(scene_file, overrides, &messages);
-  const Layout chosen = parse_layout(layout.value_or(scene.run.layout));
+  const LayoutChoice choice = layout_for(scene, layout);
+  const Layout chosen = choice.layout;
   const Plan plan = make_plan(scene, chosen.threads);
 
   std::string text = row("scene", scene_file.string() + (scene.title.empty() ? "" : ": " + scene.title));
@@ -168,7 +181,8 @@ std::string check_text(const std::filesystem::path& scene_file, const std::vecto
   text += list_rows("left out", plan.left_out);
   text += row("skin", fmt::format("{:.6g} m", plan.skin));
   text += list_rows("output", output_lines(scene, plan.time_step.step));
-  text += row("layout", chosen.text());
+  text += row("layout", chosen.text() + (choice.why.empty() ? "" : " (" + choice.why + ")"));
+  text += row("balance", balance_text(scene.run.balance, chosen));
   text += row("memory", fmt::format("about {}", bytes_text(plan.memory)));
   text += row("will take", fmt::format("about {}", duration_text(plan.seconds)));
 

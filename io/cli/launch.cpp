@@ -15,6 +15,7 @@
 #include <fstream>
 #include <set>
 
+#include "engine/run/plan.hpp"
 #include "io/cli/child.hpp"
 #include "io/cli/interrupt.hpp"
 #include "io/cli/programs.hpp"
@@ -61,7 +62,13 @@ void set_environment(bool crowded) {
   }
   if (const auto width = terminal_width()) setenv(terminal_variable, std::to_string(*width).c_str(), 1);
   // Whoever waits must not take the CPU that is waited for.
-  if (crowded && !std::getenv("GOMP_SPINCOUNT")) setenv("OMP_WAIT_POLICY", "passive", 0);
+  if (std::getenv("GOMP_SPINCOUNT") || std::getenv("OMP_WAIT_POLICY")) return;
+  if (crowded) {
+    setenv("OMP_WAIT_POLICY", "passive", 0);
+  } else {
+    // Threads without work go to sleep soon, as their core may be another rank's by then.
+    setenv("GOMP_SPINCOUNT", "20000", 0);
+  }
 }
 
 /// In the child: mpirun in a group of its own, so that Control-C comes to this program alone, which asks the ranks in a
@@ -174,6 +181,17 @@ fs::path find_mpirun(const Layout& layout) {
                    std::to_string(layout.total()));
 }
 
+LayoutChoice layout_for(const Scene& scene, const std::optional<std::string>& asked) {
+  const std::string text = asked.value_or(scene.run.layout);
+  if (text != "auto") return {parse_layout(text), ""};
+  std::uint64_t n_cells = 0;
+  if (scene.gas)
+    n_cells = static_cast<std::uint64_t>(scene.gas->cells[0]) * static_cast<std::uint64_t>(scene.gas->cells[1]) *
+              static_cast<std::uint64_t>(scene.gas->cells[2]);
+  return choose_layout(make_plan(scene, 1).n_grains, n_cells, cores_of(available_cpus()),
+                       find_program({"mpirun.openmpi", "mpirun"}).has_value() && !has_several_nodes());
+}
+
 std::optional<StrayTasks> stray_tasks() {
   const char* n = std::getenv("SLURM_STEP_NUM_TASKS");
   if (World::is_launched() || n == nullptr || std::atoi(n) < 2) return std::nullopt;
@@ -186,7 +204,7 @@ JobEnd run_as_ranks(const Layout& layout, const std::vector<std::string>& words)
   std::vector<std::string> command = {find_mpirun(layout).string()};
   set_environment(is_crowded(layout, place));
   for (const std::string& option : mpirun_options(layout, place)) command.push_back(option);
-  for (const char* name : {terminal_variable, "OMP_WAIT_POLICY"})
+  for (const char* name : {terminal_variable, "OMP_WAIT_POLICY", "GOMP_SPINCOUNT"})
     if (std::getenv(name) != nullptr) command.insert(command.end(), {"-x", name});  // to other nodes, too
   command.insert(command.end(), words.begin(), words.end());
   return Job(command).wait();

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/scene/scene.hpp"
 #include "io/cli/layout.hpp"
 #include "io/cli/mpirun_talk.hpp"
 
@@ -28,6 +29,10 @@ std::vector<std::string> mpirun_options(const Layout& layout, const Place& place
 
 /// Open MPI's mpirun, found in PATH. Throws UsageError that names its package.
 std::filesystem::path find_mpirun(const Layout& layout);
+
+/// The layout that is asked for, by --layout or by the scene; "auto": what choose_layout() takes for the scene on the CPUs of this
+/// process. Throws UsageError.
+LayoutChoice layout_for(const Scene& scene, const std::optional<std::string>& asked);
 
 /// Several tasks of srun that do not find each other, as without PMIx: each would do the whole run, in one directory.
 struct StrayTasks {

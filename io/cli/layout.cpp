@@ -1,31 +1,20 @@
 #include "io/cli/layout.hpp"
 
-#include <sched.h>
-#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <charconv>
+#include <limits>
 #include <map>
 #include <sstream>
-#include <thread>
+
+#include <fmt/format.h>
+
+#include "io/cli/text.hpp"
 
 namespace moraine {
 
 namespace {
-
-constexpr std::size_t most_cpus = 1 << 14;
-cpu_set_t cpus_at_start[most_cpus / CPU_SETSIZE];  // all zero where they could not be read
-constexpr std::size_t set_bytes = sizeof cpus_at_start;
-
-/// Before anything is set up: a plain system call, and no check of a sanitizer.
-__attribute__((no_sanitize("address", "thread", "undefined"))) void note_cpus(int, char**, char**) {
-  syscall(SYS_sched_getaffinity, 0, set_bytes, cpus_at_start);
-}
-
-// OpenMP's library binds the main thread as it is loaded, before main() and before any constructor of this program. The
-// loader runs this array before the libraries' constructors.
-__attribute__((section(".preinit_array"), used)) void (*note_cpus_first)(int, char**, char**) = note_cpus;
 
 std::string text_of(const RankCpus& rank) {
   std::string text = rank.node;
@@ -67,22 +56,6 @@ std::vector<Crowd> crowds_of(const std::vector<RankCpus>& ranks) {
 
 }  // namespace
 
-std::vector<int> available_cpus() {
-  std::vector<int> cpus;
-  for (std::size_t cpu = 0; cpu < most_cpus; ++cpu)
-    if (CPU_ISSET_S(cpu, set_bytes, cpus_at_start)) cpus.push_back(static_cast<int>(cpu));
-  if (cpus.empty())
-    for (unsigned cpu = 0; cpu < std::max(1u, std::thread::hardware_concurrency()); ++cpu)
-      cpus.push_back(static_cast<int>(cpu));
-  return cpus;
-}
-
-int available_cores() { return static_cast<int>(available_cpus().size()); }
-
-void take_back_cpus() {
-  if (CPU_COUNT_S(set_bytes, cpus_at_start) > 0) sched_setaffinity(0, set_bytes, cpus_at_start);
-}
-
 Layout parse_layout(const std::string& text) {
   if (text == "auto") return {1, available_cores()};
   Layout layout;
@@ -99,8 +72,40 @@ Layout parse_layout(const std::string& text) {
   return layout;
 }
 
+LayoutChoice choose_layout(std::uint64_t n_grains, std::uint64_t n_cells, const std::vector<Core>& cores,
+                           bool can_start_ranks) {
+  constexpr std::uint64_t grains_per_thread = 500;   // with fewer, starting them takes as long as their work
+  constexpr std::uint64_t grains_per_rank = 50'000;  // with fewer, ghosts and messages cost more than far memory
+  constexpr std::uint64_t cells_per_grain = 4;       // that are as much work
+  const std::uint64_t work = n_grains + n_cells / cells_per_grain;
+  std::map<int, std::uint64_t> cpus_of;  // of each NUMA node
+  std::uint64_t n_cpus = 0;
+  for (const Core& core : cores) {
+    cpus_of[core.numa_node] += core.cpus.size();
+    n_cpus += core.cpus.size();
+  }
+  std::uint64_t fewest = n_cpus;
+  for (const auto& [node, n] : cpus_of) fewest = std::min(fewest, n);
+  const std::uint64_t n_nodes = cpus_of.size(), most = std::max<std::uint64_t>(1, work / grains_per_thread);
+  const auto layout = [](std::uint64_t ranks, std::uint64_t threads) {
+    return Layout{static_cast<int>(ranks), static_cast<int>(threads)};
+  };
+  const std::string machine = fmt::format("{} in {}", counted(n_cpus, "CPU"), counted(n_nodes, "NUMA node"));
+  if (n_nodes > 1 && fewest * n_nodes * 10 >= n_cpus * 9 && work / n_nodes >= grains_per_rank) {
+    if (can_start_ranks)
+      return {layout(n_nodes, fewest), machine + ": a rank for each node, as memory of another is further away"};
+    return {layout(1, std::min(n_cpus, most)), machine + "; one rank, as there is no mpirun to start more"};
+  }
+  const char* const why_one =
+      n_nodes > 1 ? "one rank, as the scene is too small for one on each node" : "one rank, as threads need no ghosts";
+  if (most < n_cpus)
+    return {layout(1, most), fmt::format("{}; {}, and more threads would have less than {} grains each", machine,
+                                         why_one, grains_per_thread)};
+  return {layout(1, n_cpus), machine + "; " + why_one};
+}
+
 int threads_for_each(const std::vector<RankCpus>& ranks) {
-  int threads = static_cast<int>(most_cpus);
+  int threads = std::numeric_limits<int>::max();
   for (const Crowd& crowd : crowds_of(ranks)) threads = std::min(threads, crowd.n_cpus / crowd.n_ranks);
   return std::max(1, threads);
 }
@@ -135,7 +140,7 @@ GivenLayout layout_of_given_ranks(const std::optional<std::string>& asked, const
     answer = std::to_string(n) + (are_crowded(ranks, n) ? " crowded" : " roomy");
   }
   world.broadcast(answer);
-  return {{world.size(), std::stoi(answer)}, answer.ends_with("crowded")};
+  return {{world.size(), std::stoi(answer)}, answer.ends_with("crowded"), ""};
 }
 
 }  // namespace moraine

@@ -1,11 +1,13 @@
 // How many ranks and threads a run uses.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
+#include "comm/cpus.hpp"
 #include "comm/world.hpp"
 
 namespace moraine {
@@ -22,16 +24,20 @@ struct Layout {
   std::string text() const { return std::to_string(ranks) + 'x' + std::to_string(threads); }
 };
 
-/// The CPUs that this process was started with, in order, so that Slurm's and a user's binding count. What has happened
-/// to its main thread since then does not: OpenMP binds it on its own where OMP_PROC_BIND says so.
-std::vector<int> available_cpus();
-/// How many they are.
-int available_cores();
-/// Gives the calling thread the CPUs back that the process was started with: for what it starts.
-void take_back_cpus();
-
 /// "auto" or "RxT", such as "1x8". Throws UsageError that says what was expected.
 Layout parse_layout(const std::string& text);
+
+/// What the program takes where nobody says.
+struct LayoutChoice {
+  Layout layout;
+  std::string why;
+};
+/// For a scene of so many grains and gas cells on these cores: a rank for each NUMA node that has its share of them, as
+/// memory of another is further away; one where the scene is too small for that, or ranks cannot be started; on one node threads
+/// alone, which share memory and need neither ghosts nor messages (bench/results/layouts.md). No more threads than have
+/// work.
+LayoutChoice choose_layout(std::uint64_t n_grains, std::uint64_t n_cells, const std::vector<Core>& cores,
+                           bool can_start_ranks);
 
 /// The CPUs of a rank, and the node that they belong to.
 struct RankCpus {
@@ -47,6 +53,7 @@ bool are_crowded(const std::vector<RankCpus>& ranks, int threads);
 struct GivenLayout {
   Layout layout;
   bool is_crowded = false;
+  std::string why;  // it was chosen; empty: it was asked for
 };
 /// The ranks are those given; `asked` (--layout) must agree with them (UsageError), `of_scene` counts where it does.
 /// "auto": the cores of each rank. All ranks call it, and get the same.

@@ -30,6 +30,25 @@ const std::vector<std::string> energy_columns = {"time [s]",
                                                  "total [J]",
                                                  "error [J]"};
 
+const std::vector<std::string> balance_columns = {"time [s]", "rank",           "node",       "grains",
+                                                  "pairs",    "work over mean", "threads",    "grain phases [s]",
+                                                  "gas [s]",  "waited [s]",     "worked [s]", "held [s]"};
+
+std::vector<double> balance_values(const BalanceRow& row) {
+  return {row.time,
+          static_cast<double>(row.rank),
+          static_cast<double>(row.node),
+          row.n_grains,
+          row.n_pairs,
+          row.work,
+          static_cast<double>(row.n_threads),
+          row.grains,
+          row.gas,
+          row.waited,
+          row.worked,
+          row.held};
+}
+
 std::vector<double> energy_values(double time, const EnergyLedger& e) {
   return {time,        e.kinetic,     e.rotational,      e.elastic_normal, e.elastic_tangential,
           e.potential, e.lost_normal, e.lost_tangential, e.lost_friction,  e.lost_drag,
@@ -130,6 +149,12 @@ void Outputs::open_tables(const Simulation& simulation, std::optional<std::uint6
   if (keeps_energy_) energy_.emplace(free_name("energy", "energy_ledger"), energy_columns, snapshot_rows);
   hashes_.emplace(free_name("hashes", "state_hashes"), std::vector<std::string>{"time [s]", "state_hash"},
                   snapshot_rows);
+  balance_.emplace(free_name("balance", "balance_of_ranks"), balance_columns, probe_rows);
+}
+
+void Outputs::add_balance(const std::vector<BalanceRow>& rows) {
+  if (!balance_) return;
+  for (const BalanceRow& row : rows) balance_->add(row.step, balance_values(row));
 }
 
 bool Outputs::is_due(std::uint64_t step) const {
@@ -192,6 +217,7 @@ void Outputs::sync_tables() {
   for (ProbeTable& probe : probes_) probe.table->sync();
   if (energy_) energy_->sync();
   hashes_->sync();
+  balance_->sync();
 }
 
 void Outputs::write_checkpoint_now(const Simulation& simulation) {

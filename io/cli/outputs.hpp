@@ -29,6 +29,9 @@ class Outputs {
   /// that step written. Throws StorageError; RunError where grains are missing.
   void write_due(Simulation& simulation);
 
+  /// Appends lines to balance.csv; only the root has any.
+  void add_balance(const std::vector<BalanceRow>& rows);
+
   /// True where any output is due at that step.
   bool is_due(std::uint64_t step) const;
 
@@ -71,8 +74,9 @@ class Outputs {
   Schedule snapshots_, checkpoints_;
   std::optional<SnapshotSeries> series_;  // of the root, and of the others once it has dropped what is old
   std::vector<ProbeTable> probes_;
-  std::optional<TableFile> energy_;  // of the root
-  std::optional<TableFile> hashes_;  // of the root
+  std::optional<TableFile> energy_;   // of the root
+  std::optional<TableFile> hashes_;   // of the root
+  std::optional<TableFile> balance_;  // of the root
   std::optional<std::filesystem::path> last_checkpoint_;
   std::optional<std::uint64_t> last_checkpoint_step_;
   double seconds_ = 0.0;

@@ -288,8 +288,16 @@ class RunLoop {
     times_.world.parcels += world_.times().parcels - before.parcels;
     times_.particle_steps += static_cast<double>(simulation_.n_grains());
     ++times_.n_steps;
+    say_what_balance_did();
     if (outputs_) outputs_->write_due(simulation_);
     if (times_.n_warm_up < request_.warm_up && times_.n_steps == request_.warm_up) end_warm_up();
+  }
+
+  void say_what_balance_did() {
+    if (!world_.is_root()) return;
+    for (const std::string& note : simulation_.take_balance_notes()) log_.say(note);
+    const std::vector<BalanceRow> rows = simulation_.take_balance_rows();
+    if (outputs_) outputs_->add_balance(rows);
   }
 
   /// From here on it counts.
@@ -423,6 +431,7 @@ int run_in_place(const RunRequest& request, Scene& scene, const Start& start, co
   }
   log.say("results: " + start.directory.string());
   say_what_runs(scene, simulation, start, layout, log);
+  for (const std::string& line : simulation.keep_to_cores()) log.say(line);
   return RunLoop(request, start, layout, simulation, record, clock.seconds(), log).run();
 }
 
@@ -479,8 +488,11 @@ int run_scene(const RunRequest& request, Log& log, const World& world) {
   if (World::is_launched()) {
     given = layout_of_given_ranks(request.layout, scene.run.layout, world);
   } else {
-    given.layout = parse_layout(request.layout.value_or(scene.run.layout));
+    const LayoutChoice choice = layout_for(scene, request.layout);
+    given.layout = choice.layout;
+    given.why = choice.why;
     given.is_crowded = given.layout.threads > available_cores();
+    if (!given.why.empty()) log.say(fmt::format("layout {}: {}", given.layout.text(), given.why));
     if (given.layout.ranks > 1) return run_on_ranks(request, scene, given.layout, log);
   }
   for (const SceneMessage& warning : warnings) log.warn(warning.text());

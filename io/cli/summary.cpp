@@ -35,6 +35,69 @@ std::vector<PhaseTime> phases_of_steps(const Simulation& simulation, const RunTi
   return rows;
 }
 
+/// What the threads of this rank did in the steps, since counting began.
+std::vector<NamedWork> work_of_steps(const Simulation& simulation, const RunMark& mark) {
+  std::vector<NamedWork> rows = simulation.work();
+  for (std::size_t i = 0; i < std::min(rows.size(), mark.work.size()); ++i) {
+    PhaseWork& now = rows[i].work;
+    const PhaseWork& before = mark.work[i].work;
+    now.seconds -= before.seconds;
+    now.waited -= before.waited;
+    now.working -= before.working;
+    now.held -= before.held;
+    for (std::size_t t = 0; t < before.threads.size(); ++t) now.threads[t] -= before.threads[t];
+    for (std::size_t t = 0; t < before.barriers.size(); ++t) now.barriers[t] -= before.barriers[t];
+  }
+  return rows;
+}
+
+Json json_of(const NamedWork& row) {
+  return {{"phase", row.phase},           {"seconds", row.work.seconds}, {"waited", row.work.waited},
+          {"working", row.work.working},  {"held", row.work.held},       {"threads", row.work.threads},
+          {"barriers", row.work.barriers}};
+}
+
+NamedWork work_of(const Json& json) {
+  NamedWork row;
+  json.at("phase").get_to(row.phase);
+  json.at("seconds").get_to(row.work.seconds);
+  json.at("waited").get_to(row.work.waited);
+  json.at("working").get_to(row.work.working);
+  json.at("held").get_to(row.work.held);
+  json.at("threads").get_to(row.work.threads);
+  json.at("barriers").get_to(row.work.barriers);
+  return row;
+}
+
+Json json_of(const BalanceTotals& balance, const std::string& mode) {
+  return {{"mode", mode},
+          {"looks", balance.n_looks},
+          {"core_moves", balance.n_core_moves},
+          {"cut_moves", balance.n_cut_moves},
+          {"imbalance", balance.imbalance},
+          {"imbalance_at_home", balance.imbalance_at_home},
+          {"last_imbalance", balance.last_imbalance},
+          {"node_imbalance", balance.node_imbalance},
+          {"threads", balance.n_threads}};
+}
+
+void read_balance(const Json& json, RunSummary& run) {
+  json.at("mode").get_to(run.balance_mode);
+  json.at("looks").get_to(run.balance.n_looks);
+  json.at("core_moves").get_to(run.balance.n_core_moves);
+  json.at("cut_moves").get_to(run.balance.n_cut_moves);
+  json.at("imbalance").get_to(run.balance.imbalance);
+  json.at("imbalance_at_home").get_to(run.balance.imbalance_at_home);
+  json.at("last_imbalance").get_to(run.balance.last_imbalance);
+  json.at("node_imbalance").get_to(run.balance.node_imbalance);
+  json.at("threads").get_to(run.balance.n_threads);
+}
+
+const char* word_for(Balance balance) {
+  constexpr const char* words[] = {"auto", "threads", "cuts", "off"};
+  return words[static_cast<std::size_t>(balance)];
+}
+
 RankSummary this_rank(const Simulation& simulation, const RunTimes& times, const RunMark& mark,
                       const std::vector<PhaseTime>& phases) {
   const HaloCounts halo = simulation.halo_counts();
@@ -56,10 +119,13 @@ RankSummary this_rank(const Simulation& simulation, const RunTimes& times, const
   rank.peak_memory = peak_memory();
   rank.places = {node_name(), mark.cpus, times.cpus, {}, available_cores()};
   for (const int cpu : rank.places.cpus) rank.places.cores.push_back(core_of(cpu));
+  rank.work = work_of_steps(simulation, mark);
   return rank;
 }
 
 Json json_of(const RankSummary& rank) {
+  Json work = Json::array();
+  for (const NamedWork& row : rank.work) work.push_back(json_of(row));
   return {{"node", rank.places.node},
           {"grains", rank.n_grains},
           {"pairs", rank.n_pairs},
@@ -79,7 +145,8 @@ Json json_of(const RankSummary& rank) {
           {"cpus_allowed", rank.places.n_allowed},
           {"cpus_before", rank.places.cpus_before},
           {"cpus", rank.places.cpus},
-          {"cores", rank.places.cores}};
+          {"cores", rank.places.cores},
+          {"work", work}};
 }
 
 RankSummary rank_of(const Json& json) {
@@ -104,6 +171,8 @@ RankSummary rank_of(const Json& json) {
   json.at("cpus_before").get_to(rank.places.cpus_before);
   json.at("cpus").get_to(rank.places.cpus);
   json.at("cores").get_to(rank.places.cores);
+  if (const auto work = json.find("work"); work != json.end())  // older ones have none
+    for (const Json& row : *work) rank.work.push_back(work_of(row));
   return rank;
 }
 
@@ -123,6 +192,7 @@ Json phases_json(const RunSummary& run) {
 /// Numbers over the ranks that can be worked out from theirs: for whoever reads the file; not read back.
 Json derived_json(const RunSummary& run) {
   const Pinning pinning = run.pinning();
+  const ThreadUse use = run.thread_use();
   const auto sum = [&](auto member) { return run.over_ranks([&](const RankSummary& r) { return r.*member; }).sum; };
   return {{"seconds", run.seconds()},
           {"particle_steps_per_second", run.speed()},
@@ -139,7 +209,12 @@ Json derived_json(const RunSummary& run) {
           {"threads", pinning.n_threads},
           {"threads_that_moved", pinning.n_moved},
           {"threads_on_shared_cpus", pinning.n_on_shared_cpus},
-          {"threads_on_shared_cores", pinning.n_on_shared_cores}};
+          {"threads_on_shared_cores", pinning.n_on_shared_cores},
+          {"thread_seconds",
+           {{"held", use.held},
+            {"working", use.working},
+            {"waiting_for_ranks", use.waiting_ranks},
+            {"waiting_for_threads", use.waiting_threads}}}};
 }
 
 Json json_of(const GasTotals& gas) {
@@ -188,6 +263,7 @@ RunSummary summary_of(const Json& json) {
   json.at("cuts").get_to(run.n_cuts);
   json.at("state_hash").get_to(run.hash);
   if (const auto gas = json.find("gas"); gas != json.end()) run.gas = gas_of(*gas);
+  if (const auto balance = json.find("balance"); balance != json.end()) read_balance(*balance, run);
   for (const Json& phase : json.at("phases")) run.phases.push_back(phase.at("name"));
   for (const Json& rank : json.at("ranks")) {
     run.ranks.push_back(rank_of(rank));
@@ -214,6 +290,38 @@ std::string gas_text(const GasTotals& gas) {
   return text + '\n';
 }
 
+std::string thread_text(const ThreadUse& use) {
+  if (!(use.held > 0.0)) return {};
+  const auto percent = [&](double seconds) { return 100.0 * seconds / use.held; };
+  return fmt::format(
+      "threads: {:.1f} % of their time at work, {:.1f} % waiting for other ranks, {:.1f} % for each other\n",
+      percent(use.working), percent(use.waiting_ranks), percent(use.waiting_threads));
+}
+
+std::string balance_text(const RunSummary& run) {
+  const BalanceTotals& balance = run.balance;
+  if (balance.n_looks == 0) return fmt::format("balance: {}\n", run.balance_mode);
+  std::string text = fmt::format(
+      "balance: {}; in {} cores changed hands {} and cuts moved {} times; the busiest core had {:.2f} times the mean "
+      "work",
+      run.balance_mode, counted(balance.n_looks, "look"), balance.n_core_moves, balance.n_cut_moves, balance.imbalance);
+  if (balance.n_core_moves > 0)
+    text += fmt::format(", with the cores of the start it would have been {:.2f}", balance.imbalance_at_home);
+  return text + '\n';
+}
+
+/// What the threads of all ranks worked in a phase, of what they could have, while their rank did not wait for others; 0: no such phase.
+double share_at_work(const RunSummary& run, const std::string& phase) {
+  double working = 0.0, held = 0.0;
+  for (const RankSummary& rank : run.ranks)
+    for (const NamedWork& row : rank.work) {
+      if (row.phase != phase || !(row.work.seconds > 0.0)) continue;
+      working += row.work.working;
+      held += row.work.held * (1.0 - row.work.waited / row.work.seconds);
+    }
+  return held > 0.0 ? std::min(1.0, working / held) : 0.0;
+}
+
 std::string phase_table(const RunSummary& run) {
   const bool is_alone = run.ranks.size() == 1;
   std::vector<std::pair<std::string, OverRanks>> rows;
@@ -223,14 +331,18 @@ std::string phase_table(const RunSummary& run) {
   double whole = 0.0;
   for (const auto& [name, seconds] : rows) whole += seconds.mean;
   const auto line = [&](const std::string& name, double seconds) {
-    return fmt::format("{:<28}{:>12.3f}{:>10.1f}", name, seconds, 100.0 * seconds / whole);
+    return fmt::format("{:<34}{:>12.3f}{:>10.1f}", name, seconds, 100.0 * seconds / whole);
   };
-  std::string text = fmt::format("{:<28}{:>12}{:>10}", "phase", "seconds", "percent");
-  text += is_alone ? "\n" : fmt::format("{:>12}\n", "largest");
+  const bool has_threads = run.pinning().n_threads > static_cast<int>(run.ranks.size());
+  std::string text = fmt::format("{:<34}{:>12}{:>10}", "phase", "seconds", "percent");
+  text += is_alone ? "" : fmt::format("{:>12}", "largest");
+  text += has_threads ? fmt::format("{:>18}\n", "threads at work %") : "\n";
   for (const auto& [name, seconds] : rows) {
     if (seconds.largest <= worth_a_row * whole) continue;
     text += line(name, seconds.mean);
-    text += is_alone ? "\n" : fmt::format("{:>12.3f}\n", seconds.largest);
+    if (!is_alone) text += fmt::format("{:>12.3f}", seconds.largest);
+    const double at_work = has_threads ? share_at_work(run, name) : 0.0;
+    text += at_work > 0.0 ? fmt::format("{:>18.1f}\n", 100.0 * at_work) : "\n";
   }
   return text + line("total", whole) + '\n';
 }
@@ -246,8 +358,8 @@ double peak_memory() {
 }
 
 RunMark mark_of(const Simulation& simulation, int n_threads) {
-  return {simulation.phases(), simulation.n_rebuilds(), simulation.n_looks(),
-          simulation.n_cuts(), simulation.n_migrated(), cpus_of_threads(n_threads)};
+  return {simulation.phases(),     simulation.n_rebuilds(),    simulation.n_looks(), simulation.n_cuts(),
+          simulation.n_migrated(), cpus_of_threads(n_threads), simulation.work()};
 }
 
 OverRanks RunSummary::phase(std::size_t i) const {
@@ -283,6 +395,19 @@ Pinning RunSummary::pinning() const {
   return pinning_of(places);
 }
 
+ThreadUse RunSummary::thread_use() const {
+  ThreadUse use;
+  for (const RankSummary& rank : ranks)
+    for (const NamedWork& row : rank.work) {
+      const PhaseWork& work = row.work;
+      use.held += work.held;
+      use.working += work.working;
+      if (work.seconds > 0.0) use.waiting_ranks += work.waited * work.held / work.seconds;
+    }
+  use.waiting_threads = std::max(use.held - use.working - use.waiting_ranks, 0.0);
+  return use;
+}
+
 RunSummary summarize(const Simulation& simulation, const RunTimes& times, const RunMark& mark) {
   RunSummary run;
   run.hash = simulation.state_hash().text();  // first: it wants the pair list, which a checkpoint sets aside
@@ -304,6 +429,8 @@ RunSummary summarize(const Simulation& simulation, const RunTimes& times, const 
   run.n_born = simulation.n_born();
   run.n_grains = simulation.n_grains();
   run.n_left = simulation.n_left();
+  run.balance_mode = word_for(simulation.scene().run.balance);
+  run.balance = simulation.balance();
   run.gas = simulation.gas_totals();
   run.n_rebuilds = simulation.n_rebuilds() - mark.n_rebuilds;
   run.n_looks = simulation.n_looks() - mark.n_looks;
@@ -319,6 +446,8 @@ std::string summary_text(const RunSummary& run) {
   if (run.speed() > 0.0) text += fmt::format("speed: {:.2f} M particle-steps/s\n", 1e-6 * run.speed());
   text += fmt::format("grains: {} born, {} inside, {} left\n", run.n_born, run.n_grains, run.n_left);
   if (run.gas) text += gas_text(*run.gas);
+  text += thread_text(run.thread_use());
+  if (run.ranks.size() > 1) text += balance_text(run);
   const double held = run.over_ranks([](const RankSummary& rank) { return rank.memory; }).sum;
   const double peak = run.over_ranks([](const RankSummary& rank) { return rank.peak_memory; }).sum;
   text += fmt::format("memory: {} in grains, pairs and contacts{}; peak memory: {}", bytes_text(held),
@@ -347,6 +476,7 @@ std::string summary_json(const RunSummary& run) {
                {"rebuilds", run.n_rebuilds},
                {"looks", run.n_looks},
                {"cuts", run.n_cuts},
+               {"balance", json_of(run.balance, run.balance_mode)},
                {"phases", phases_json(run)},
                {"state_hash", run.hash}});
   if (run.gas) json["gas"] = json_of(*run.gas);

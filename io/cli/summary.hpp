@@ -27,7 +27,8 @@ struct RunTimes {
 struct RunMark {
   std::vector<PhaseTime> phases;  // empty: all from zero
   std::uint64_t n_rebuilds = 0, n_looks = 0, n_cuts = 0, n_migrated = 0;
-  std::vector<int> cpus;  // of its threads
+  std::vector<int> cpus;        // of its threads
+  std::vector<NamedWork> work;  // empty: all from zero
 };
 RunMark mark_of(const Simulation& simulation, int n_threads);
 
@@ -43,6 +44,7 @@ struct RankSummary {
   std::uint64_t n_migrated = 0;               // grains given to others
   double memory = 0.0, peak_memory = 0.0;     // [bytes] in grains, pairs, contacts; of the process
   ThreadPlaces places;
+  std::vector<NamedWork> work;  // of its threads in each phase of the steps, waiting apart from working
 
   bool operator==(const RankSummary&) const = default;
 };
@@ -50,6 +52,14 @@ struct RankSummary {
 /// A number over the ranks.
 struct OverRanks {
   double mean = 0.0, largest = 0.0, sum = 0.0;
+};
+
+/// Where the time of all threads of a run went [s].
+struct ThreadUse {
+  double held = 0.0;             // in the steps
+  double working = 0.0;          // of that
+  double waiting_ranks = 0.0;    // while their rank waited for others
+  double waiting_threads = 0.0;  // for each other, or while one works alone
 };
 
 struct RunSummary {
@@ -65,6 +75,8 @@ struct RunSummary {
   std::uint64_t n_born = 0, n_grains = 0, n_left = 0;
   std::uint64_t n_rebuilds = 0, n_looks = 0,
                 n_cuts = 0;         // cuts: how often space was divided, those at the start included
+  std::string balance_mode;         // as the scene has it
+  BalanceTotals balance;            // of the whole process
   std::optional<GasTotals> gas;     // of the whole process, where the scene has gas
   std::vector<std::string> phases;  // those of the steps; the last is what they took beyond the others
   std::vector<RankSummary> ranks;
@@ -89,6 +101,7 @@ struct RunSummary {
   double grain_imbalance() const;        // [-] largest number of grains of a rank over the mean
   double work_imbalance() const;         // [-] the same of pairs + 4 grains
   Pinning pinning() const;
+  ThreadUse thread_use() const;
 
   bool operator==(const RunSummary&) const = default;
 };

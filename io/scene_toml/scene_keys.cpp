@@ -730,11 +730,17 @@ Key<SceneDraft> output_key() {
 const KeyTable<RunControl>& run_keys() {
   static const KeyTable<RunControl> keys{{
       value("layout", &RunControl::layout, {"", "\"auto\", or ranks x threads such as \"1x4\""}),
+      choice(
+          "balance", &RunControl::balance,
+          {{"auto", Balance::automatic}, {"threads", Balance::threads}, {"cuts", Balance::cuts}, {"off", Balance::off}},
+          {"",
+           "what follows the grains from rank to rank: the cores of a node (threads), the cuts between ranks (cuts), "
+           "both as it pays (auto), or nothing; for threads and off ranks begin with equal boxes"},
+          "\"auto\""),
       choice("precision", &RunControl::precision, {{"double", Precision::double_}, {"mixed", Precision::mixed}},
              {"", "precision of contact forces (mixed is not available yet in this version)"}, "\"double\""),
       value("skin", &RunControl::skin, {"m", "range beyond contact in which pairs are kept; 0: chosen"}),
       value("max_overlap", &RunControl::max_overlap, {"-", "overlap over the smaller radius at which the run stops"}),
-      planned<RunControl>("balance", "balance between ranks"),
   }};
   return keys;
 }

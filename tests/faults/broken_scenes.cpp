@@ -82,6 +82,8 @@ const std::vector<Broken> table = {
      "24: key \"wall[0].motion\" = { velocity = [0, 0, 1] }: not available yet in this version; leave it out"},
     {"planned precision", "", "[run]\nprecision = \"mixed\"",
      "31: key \"run.precision\": \"mixed\" is not available yet in this version; use \"double\""},
+    {"balance that is not", "", "[run]\nbalance = \"ranks\"",
+     "31: key \"run.balance\": is \"ranks\"; expected \"auto\", \"threads\", \"cuts\" or \"off\""},
     // types and units
     {"text for a number, with a unit", "diameter = 0.02", "diameter = \"4 mm\"",
      "20: key \"particles[0].diameter\" = \"4 mm\": expected a number in SI units [m]; write 0.004"},

@@ -28,6 +28,17 @@ TEST_CASE("a scene gives the same hashes, probes and energies on 1, 2, 3, 4 and 
   }
 }
 
+TEST_CASE("threads that come and go at each rebuild change no bit of the state, the probes or the energies") {
+  for (auto& [name, scene, n_steps] : scenes::all()) {
+    INFO(name);
+    scene.output.energy = true;
+    const int n = n_steps / 2;
+    Simulation simulation(scene, 2);
+    simulation.force_threads([](std::uint64_t rebuild) { return 1 + static_cast<int>(rebuild * rebuild % 7 % 5); });
+    CHECK(trace::difference(trace::record(scene, 1, n, every), trace::record(simulation, n, every)) == "");
+  }
+}
+
 TEST_CASE("the skin changes how often the list is rebuilt, and no bit of the state, the probes or the energies") {
   for (auto& [name, scene, n_steps] : scenes::all()) {
     scene.output.energy = true;

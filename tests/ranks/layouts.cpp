@@ -19,6 +19,11 @@ struct Layout {
 constexpr Layout layouts[] = {{1, 4}, {2, 1}, {2, 2}, {3, 1}, {4, 1}, {5, 1}, {8, 1}, {2, 3}};
 constexpr int every = 250;
 
+constexpr Balance modes[] = {Balance::automatic, Balance::threads, Balance::cuts, Balance::off};
+
+/// Threads of a rank that change at each rebuild, as no balancer would have it.
+int odd_threads(int rank, std::uint64_t rebuild) { return 1 + static_cast<int>((3 * rebuild + rank) % 4); }
+
 std::string name_of(const char* scene, const Layout& layout) {
   return std::string(scene) + " on " + std::to_string(layout.ranks) + "x" + std::to_string(layout.threads);
 }
@@ -28,6 +33,7 @@ std::string name_of(const char* scene, const Layout& layout) {
 void compare_layouts(int lengthened) {
   const World& all = ranks::world();
   std::uint64_t n_migrated = 0, n_moved_cuts = 0;
+  std::size_t n_runs = 0;
   for (auto& [name, scene, n_watched] : scenes::all()) {
     scene.output.energy = true;
     // Gas steps on more ranks than cores take their time.
@@ -37,9 +43,14 @@ void compare_layouts(int lengthened) {
     for (const Layout& layout : layouts) {
       if (layout.ranks > all.size()) continue;
       const std::optional<World> world = all.first(layout.ranks);
+      ++n_runs;
       if (!world) continue;
-      INFO(name_of(name, layout));
+      // Each scene and each layout come by all ways of balance, every fifth run by numbers of threads that jump about.
+      scene.run.balance = modes[n_runs % std::size(modes)];
+      INFO(name_of(name, layout) << ", balance " << n_runs % std::size(modes));
       Simulation simulation(scene, layout.threads, *world);
+      if (n_runs % 5 == 0)
+        simulation.force_threads([rank = world->rank()](std::uint64_t rebuild) { return odd_threads(rank, rebuild); });
       try {
         CHECK(trace::difference(alone, trace::record(simulation, n_steps, every)) == "");
       } catch (const RunError& error) {  // the others wait for this rank: say it now

@@ -35,6 +35,9 @@ SMALL = {
     "fluidized_bed": (["time.end=0.05", "output.snapshots=0.01"], 0.02, False),
     "deep_bed": (["time.end=0.04", "output.snapshots=0.01", "domain.high=[0.08,0.08,0.25]", "gas.cells=[8,8,25]",
                   "particles[0].fill.count=5000", "probe[2].region={}"], 0.02, False),
+    "tall_bed": (["time.end=0.05", "domain.high=[0.03,0.03,0.5]", "particles[0].fill.region.box.high=[0.03,0.03,0.12]",
+                  "particles[1].fill.region.box.low=[0,0,0.14]", "particles[1].fill.region.box.high=[0.03,0.03,0.45]",
+                  "particles[1].fill.count=60", "wall[1].plane.point=[0,0,0.5]", "output.snapshots=0.01"], 0.02, False),
     "settled_bed": (["time.end=0.08", "domain.high=[0.04, 0.12, 0.05]", "output.snapshots=0.02"], 0.05, False),
 }
 

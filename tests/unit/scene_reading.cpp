@@ -55,6 +55,7 @@ gravity = [0, 0, -9.81]
 damping = 0.25
 [run]
 layout = "2x3"
+balance = "cuts"
 precision = "double"
 skin = 0.001
 max_overlap = 0.3
@@ -72,6 +73,7 @@ max_overlap = 0.3
   CHECK(scene.time.damping == 0.25);
   CHECK(scene.run.layout == "2x3");
   CHECK(scene.run.skin == 0.001);
+  CHECK(scene.run.balance == Balance::cuts);
   CHECK(scene.run.max_overlap == 0.3);
 }
 
