@@ -288,6 +288,7 @@ class RunLoop {
     times_.world.parcels += world_.times().parcels - before.parcels;
     times_.particle_steps += static_cast<double>(simulation_.n_grains());
     ++times_.n_steps;
+    for (const std::string& note : simulation_.take_notes()) log_.warn(note);
     if (outputs_) outputs_->write_due(simulation_);
     if (times_.n_warm_up < request_.warm_up && times_.n_steps == request_.warm_up) end_warm_up();
   }
