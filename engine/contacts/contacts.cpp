@@ -38,6 +38,7 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
       largest_radius_(kind.largest_radius),
       max_overlap_(scene.run.max_overlap),
       walls_(&walls),
+      measures_walls_(walls.is_any_moving() && (scene.output.energy || !walls.servo_walls().empty())),
       image_shift_(image_shifts(domain_.size())),
       world_(world),
       wall_contacts_(walls, scene.domain, moraine::has_history(scene.contact.tangential),
@@ -50,19 +51,35 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
   needs_.n_materials = laws_.n_materials;
 }
 
-void Contacts::rebuild(Particles& particles, double skin, double time, int n_threads) {
+void Contacts::rebuild(Particles& particles, double skin, double time, int n_threads, const Births& births) {
+  if (!set_aside_) refresh(particles);  // pairs are carried over by the images in which they are now
+  std::vector<std::uint8_t> is_leaving = leaving_grains(world_, subdomains_, particles);
+  PairCarry pairs;
+  WallCarry walls;
   if (set_aside_) {
-    SetAside memory = std::move(*set_aside_);
+    pairs = std::move(set_aside_->pairs);
+    walls = std::move(set_aside_->walls);
     set_aside_.reset();
-    build(particles, memory.pairs, memory.walls, leaving_grains(world_, subdomains_, particles), skin, time, n_threads);
-    return;
+  } else {
+    pairs = pairs_.carry(particles, is_leaving, choice_.has_ledger, n_threads);
+    pairs_.forget();
+    walls = wall_contacts_.carry();
   }
-  refresh(particles);  // pairs are carried over by the images in which they are now
-  const std::vector<std::uint8_t> is_leaving = leaving_grains(world_, subdomains_, particles);
-  PairCarry pairs = pairs_.carry(particles, is_leaving, choice_.has_ledger, n_threads);
-  pairs_.forget();
-  WallCarry walls = wall_contacts_.carry();
+  take_in(particles, births, pairs, is_leaving, n_threads);
   build(particles, pairs, walls, is_leaving, skin, time, n_threads);
+}
+
+/// Newborns behind the grains that are there; they remember nothing.
+void Contacts::take_in(Particles& particles, const Births& births, PairCarry& pairs,
+                       std::vector<std::uint8_t>& is_leaving, int n_threads) const {
+  if (births.n == 0) return;
+  const std::int32_t first = particles.size();
+  std::vector<std::int32_t> same_place(static_cast<std::size_t>(first));
+  std::iota(same_place.begin(), same_place.end(), 0);
+  particles.reorder(same_place, n_threads, births.n);
+  births.put(first);
+  if (!pairs.begin.empty()) pairs.begin.resize(static_cast<std::size_t>(particles.size()) + 1, pairs.begin.back());
+  is_leaving = leaving_grains(world_, subdomains_, particles);
 }
 
 void Contacts::set_aside() {
@@ -103,16 +120,17 @@ void Contacts::finish_refresh(Particles& particles) {
 
 struct Contacts::ThreadStep {
   StepResult result;
+  WallSums walls;
   char padding[64];  // threads write their own cache lines
 };
 
 void Contacts::advance(Particles& particles, const Kick& kick, double dt, double travelled, int n_threads,
-                       StepResult& result) {
+                       StepResult& result, double counted) {
   const int n_active = std::min(n_threads, static_cast<int>(pairs_.threads().size()));
   std::vector<ThreadStep> steps(static_cast<std::size_t>(n_active));
   if (!ghosts_.are_fresh()) ghosts_.start_refresh(particles);
   parallel(n_active, [&](int thread) {
-    advance_thread(particles, kick, dt, travelled, thread, steps[static_cast<std::size_t>(thread)]);
+    advance_thread(particles, kick, dt, travelled, counted, thread, steps[static_cast<std::size_t>(thread)]);
   });
   ghosts_.set_fresh(world_.is_alone());
   result = StepResult{};
@@ -123,11 +141,18 @@ void Contacts::advance(Particles& particles, const Kick& kick, double dt, double
     result.max_speed = std::max(result.max_speed, step.result.max_speed);
     result.outside.insert(result.outside.end(), step.result.outside.begin(), step.result.outside.end());
   }
+  if (measures_walls_) {
+    wall_sums_.pushes.assign(walls_->servo_walls().size(), ExactSum());
+    for (const ThreadStep& step : steps) {
+      wall_sums_.work.add(step.walls.work);
+      for (std::size_t k = 0; k < step.walls.pushes.size(); ++k) wall_sums_.pushes[k].add(step.walls.pushes[k]);
+    }
+  }
   std::sort(result.outside.begin(), result.outside.end());
 }
 
-void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt, double travelled, int thread,
-                              ThreadStep& step) {
+void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt, double travelled, double counted,
+                              int thread, ThreadStep& step) {
   ThreadPairs& mine = pairs_.threads()[static_cast<std::size_t>(thread)];
   PairSweep sweep;
   sweep.records = particles.records();
@@ -159,6 +184,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   sums.torque = particles.torque();
 
   StepResult& result = step.result;
+  if (measures_walls_) step.walls.pushes.resize(walls_->servo_walls().size());
   double speed_squared = 0.0;
   const auto note = [&](const SweepResult& swept) {
     result.n_touching += swept.n_touching;
@@ -172,6 +198,8 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
     const WallTouches& touches = wall_contacts_.touches(thread);
     note(kernels_.walls({particles.records(), touches, &laws_.walls, dt, max_overlap_}, {0, n}));
     wall_contacts_.remember(thread, candidates);
+    if (measures_walls_)
+      wall_contacts_.measure(particles, thread, candidates, dt, counted, choice_.has_ledger, step.walls);
     sums.wall_grain = touches.grain;
     sums.wall_slots = touches.slots;
     sums.n_wall = n;
@@ -239,10 +267,11 @@ Contacts::Velocities Contacts::velocities_now(Particles& particles, const Kick& 
   std::vector<std::vector<double>> histories;
   for (const ThreadPairs& t : pairs_.threads()) histories.push_back(copy_of(t.history.data(), t.history.size()));
   const auto walls = wall_contacts_.save();
+  const WallSums wall_sums = wall_sums_;
 
   const bool were_fresh = ghosts_.are_fresh();
   StepResult ignored;
-  advance(particles, half_kick, dt, std::numeric_limits<double>::infinity(), n_threads, ignored);
+  advance(particles, half_kick, dt, std::numeric_limits<double>::infinity(), n_threads, ignored, 0.0);
   Velocities now;
   for (std::int32_t i = 0; i < particles.size(); ++i) {
     now.linear.push_back(particles.velocity(i));
@@ -258,6 +287,7 @@ Contacts::Velocities Contacts::velocities_now(Particles& particles, const Kick& 
   if (particles.torque()) put_back(torque, particles.torque());
   for (std::size_t t = 0; t < histories.size(); ++t) put_back(histories[t], pairs_.threads()[t].history.data());
   wall_contacts_.put_back(walls);
+  wall_sums_ = wall_sums;
   ghosts_.set_fresh(were_fresh);
   return now;
 }

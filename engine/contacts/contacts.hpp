@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -53,8 +54,15 @@ struct ContactReport {
   Vec3 point;                   // [m] where they touch (at `grain`'s side of periodic faces)
   Vec3 normal;                  // from the other to `grain`
   Vec3 other_point;             // [m] centre of the other grain
+  Vec3 wall_velocity;           // [m/s] of a wall where it is touched, at the present positions
   double stored = 0.0;          // [J] in the tangential spring before the step
   ReferenceForce result;        // on `grain` as a
+};
+
+/// Grains that come in at a rebuild: how many on this rank, and what puts them into storage from a place on.
+struct Births {
+  std::int32_t n = 0;
+  std::function<void(std::int32_t first)> put = {};
 };
 
 class Contacts {
@@ -67,7 +75,8 @@ class Contacts {
 
   /// Forgets where grains were near each other and looks again: removes grains that have left, hands over those that belong to other
   /// ranks, sorts the others, makes ghosts, finds pairs and wall candidates, and carries over what contacts remember. All ranks.
-  void rebuild(Particles& particles, double skin, double time, int n_threads);
+  /// Newborn grains come in, on whatever rank.
+  void rebuild(Particles& particles, double skin, double time, int n_threads, const Births& births = {});
   /// As rebuild, with the memory of a checkpoint, by place; pairs must stand at both their grains where these may part. All ranks.
   void restore(Particles& particles, PairCarry pairs, WallCarry walls, double skin, double time, int n_threads);
 
@@ -82,12 +91,21 @@ class Contacts {
   void give_back(PairCarry pairs) { set_aside_->pairs = std::move(pairs); }
   bool are_set_aside() const { return set_aside_.has_value(); }
 
+  /// Looks anew for the walls that grains may touch, where all are now. Ranks need not do it together.
+  void search_walls(const Particles& particles, double skin, double time, int n_threads) {
+    wall_contacts_.search(particles, pairs_, skin, time, n_threads);
+  }
+
   /// Makes the ghosts good for the present positions, for those who look at contacts between steps. All ranks.
   void refresh(Particles& particles);
 
   /// Contact forces at the present positions, then kick and drift of all grains. `result.outside` and the rest are overwritten. Ghosts
   /// are refreshed meanwhile, where they are not. `travelled` [m]: no grain of this rank has moved further since the rebuild.
-  void advance(Particles& particles, const Kick& kick, double dt, double travelled, int n_threads, StepResult& result);
+  /// `counted`: the share of this step's work that goes to wall_sums().
+  void advance(Particles& particles, const Kick& kick, double dt, double travelled, int n_threads, StepResult& result,
+               double counted = 1.0);
+  /// Work of moving walls since the start of this process, and pushes on servos in the last step; of this rank.
+  const WallSums& wall_sums() const { return wall_sums_; }
 
   /// Velocities at the present positions: those of the grains, half a step late, after `half_kick` (whose drift is zero) with
   /// the contact forces of now. Leaves grains and memory as they are.
@@ -144,8 +162,10 @@ class Contacts {
   void build(Particles& particles, PairCarry& pairs, WallCarry& walls, std::span<const std::uint8_t> is_leaving,
              double skin, double time, int n_threads);
   void finish_refresh(Particles& particles);
+  void take_in(Particles& particles, const Births& births, PairCarry& pairs, std::vector<std::uint8_t>& is_leaving,
+               int n_threads) const;
   struct ThreadStep;
-  void advance_thread(Particles& particles, const Kick& kick, double dt, double travelled, int thread,
+  void advance_thread(Particles& particles, const Kick& kick, double dt, double travelled, double counted, int thread,
                       ThreadStep& step);
   ReferenceContact pair_contact(const Particles& particles, std::int32_t a, std::int32_t b, std::uint8_t image,
                                 const PairMemory* memory) const;
@@ -161,6 +181,7 @@ class Contacts {
   double largest_radius_;
   double max_overlap_;
   const Walls* walls_;
+  bool measures_walls_;
   PairNeeds needs_;
   std::vector<Vec3> image_shift_;
   World world_;
@@ -175,6 +196,7 @@ class Contacts {
   };
   std::optional<SetAside> set_aside_;
   ExactSum energy_left_;
+  WallSums wall_sums_;
   std::uint64_t n_migrated_ = 0;
 };
 
@@ -220,6 +242,7 @@ void Contacts::for_each_wall_contact(const Particles& particles, double dt, Func
     report.normal = touch.touch.normal;
     report.point = particles.position(touch.grain) - touch.touch.distance * touch.touch.normal;
     report.other_point = report.point;
+    if (walls_->is_moving(touch.surface)) report.wall_velocity = walls_->velocity_now(touch.surface).at(report.point);
     report.stored = contact.stored;
     report.result = reference_contact(choice_.normal, choice_.tangential, choice_.has_rotation, laws_.walls.at(species),
                                       contact, dt, mirror);

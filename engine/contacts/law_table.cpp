@@ -57,15 +57,7 @@ PairParameters pair_parameters(const Scene& scene, const std::string& a, const s
 
 SceneLaws::SceneLaws(const Scene& scene)
     : n_materials(static_cast<int>(scene.materials.size())), n_walls(static_cast<int>(scene.walls.size())) {
-  std::vector<bool> is_grain(scene.materials.size(), false);
-  for (const ParticleGroup& group : scene.particles) {
-    if (const int m = scene.material_index(group.material); m >= 0) is_grain[static_cast<std::size_t>(m)] = true;
-    if (const auto* listed = std::get_if<ListedGrains>(&group.fill)) {
-      const ListFacts facts = facts_of(*listed);
-      for (std::size_t m = 0; m < is_grain.size(); ++m)
-        if (facts.uses(m)) is_grain[m] = true;
-    }
-  }
+  const std::vector<bool> is_grain = grain_materials(scene);
   std::vector<PairParameters> pair_rows, wall_rows;
   pair_species.assign(scene.materials.size() * scene.materials.size(), 0);
   wall_species.assign(scene.materials.size() * scene.walls.size(), 0);

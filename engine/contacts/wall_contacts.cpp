@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "engine/threads.hpp"
@@ -15,6 +16,10 @@ namespace {
 constexpr double same_contact_cosine = 0.7;
 
 std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
+
+/// Walls that move are looked for further away, so that they may come nearer by half a skin before the next search, while grains use up
+/// theirs.
+double reach_of(const Walls& walls, double skin) { return walls.is_any_moving() ? 1.5 * skin : skin; }
 
 /// Places of memory that a candidate may need.
 std::int64_t capacity_of(const WallCandidate& c) {
@@ -99,9 +104,10 @@ void WallContacts::build(const Particles& particles, const PairList& pairs, doub
     const ThreadPairs& mine = threads[index(thread)];
     Share& share = shares_[index(thread)];
     WallCandidates found;
-    walls_->find_candidates(particles.records(), particles.stride(), mine.grain_begin, mine.grain_end, skin, time,
+    const double reach = reach_of(*walls_, skin);
+    walls_->find_candidates(particles.records(), particles.stride(), mine.grain_begin, mine.grain_end, reach, time,
                             found);
-    find_across_faces(particles, mine.grain_begin, mine.grain_end, skin, time, found);
+    find_across_faces(particles, mine.grain_begin, mine.grain_end, reach, time, found);
     share.list.clear();
     share.tile_begin.clear();
     std::vector<WallCandidate> deferred;
@@ -132,6 +138,14 @@ void WallContacts::build(const Particles& particles, const PairList& pairs, doub
     }
     make_room(share);
   });
+}
+
+void WallContacts::search(const Particles& particles, const PairList& pairs, double skin, double time, int n_threads) {
+  if (empty()) return;
+  std::vector<std::int32_t> same_place(at(particles.size()));
+  std::iota(same_place.begin(), same_place.end(), 0);
+  const WallCarry carried = carry();
+  build(particles, pairs, skin, time, same_place, carried, n_threads);
 }
 
 void WallContacts::make_room(Share& share) const {
@@ -168,12 +182,28 @@ int WallContacts::touch_one(const Particles& particles, const Share& share, cons
   if (surface.kind != SurfaceKind::mesh) return touch_analytic(surface, centre, radius, touches[0]) ? 1 : 0;
   const std::span<const std::int32_t> triangles(share.triangles.data() + candidate.triangles,
                                                 at(candidate.n_triangles));
-  return touch_mesh(walls_->mesh(surface.mesh), triangles, centre, radius, touches);
+  if (!walls_->is_moving(candidate.surface))
+    return touch_mesh(walls_->mesh(surface.mesh), triangles, centre, radius, touches);
+  const Pose& pose = pose_of(candidate.surface);  // the mesh is at home
+  const int n = touch_mesh(walls_->mesh(surface.mesh), triangles, pose.to_home(centre), radius, touches);
+  for (int t = 0; t < n; ++t) touches[t].normal = pose.turn(touches[t].normal);
+  return n;
 }
 
-Vec3 WallContacts::wall_velocity(const Surface& surface, Vec3 centre, const Touch& touch) const {
-  const Vec3 point = centre - touch.distance * touch.normal;
-  return surface.velocity + cross(surface.angular_velocity, point - surface.centre);
+Vec3 WallContacts::wall_velocity(std::int32_t surface, Vec3 centre, const Touch& touch) const {
+  if (!walls_->is_moving(surface)) return {};
+  return walls_->velocity(surface).at(centre - touch.distance * touch.normal);
+}
+
+/// What a touch remembers, in the scene's frame; nothing where there is no memory.
+PairMemory WallContacts::in_scene(std::int32_t surface, const WallMemory* memory) const {
+  if (!memory) return {};
+  PairMemory m = memory->memory;
+  const Pose& pose = pose_of(surface);
+  if (!pose.is_turned) return m;
+  const Vec3 turned = pose.turn({m.displacement[0], m.displacement[1], m.displacement[2]});
+  for (int axis = 0; axis < 3; ++axis) m.displacement[axis] = turned[axis];
+  return m;
 }
 
 const WallMemory* WallContacts::match(const Share& share, std::int64_t candidate, const Touch& touch,
@@ -181,12 +211,13 @@ const WallMemory* WallContacts::match(const Share& share, std::int64_t candidate
   if (!has_history_) return nullptr;
   const std::int64_t begin = share.slot_begin[at(candidate)], end = share.slot_begin[at(candidate) + 1];
   const bool is_mesh = share.list[at(candidate)].n_triangles != 0;
+  const Vec3 normal = pose_of(share.list[at(candidate)].surface).turn_back(touch.normal);
   double best = is_mesh ? same_contact_cosine : -2.0;
   std::int64_t found = -1;
   for (std::int64_t slot = begin; slot < end; ++slot) {
     const WallMemory& memory = share.memory[at(slot)];
     if (!memory.is_used() || (taken >> (slot - begin) & 1u)) continue;
-    const double cosine = dot(memory.normal, touch.normal);
+    const double cosine = dot(memory.normal, normal);
     if (cosine > best) {
       best = cosine;
       found = slot;
@@ -227,11 +258,11 @@ std::int64_t WallContacts::touch(const Particles& particles, int thread, Range c
     const int n_touches = touch_one(particles, share, candidate, touches);
     unsigned taken = 0;
     for (int t = 0; t < n_touches; ++t, ++n) {
-      put(candidate.grain, touches[t], wall_velocity(surface, particles.position(candidate.grain), touches[t]),
+      put(candidate.grain, touches[t],
+          wall_velocity(candidate.surface, particles.position(candidate.grain), touches[t]),
           surface.kind == SurfaceKind::mirror ? 2.0 : 1.0);
       share.species[n] = species[particles.material(candidate.grain) * n_walls + surface.wall];
-      const WallMemory* memory = match(share, c, touches[t], taken);
-      const PairMemory value = memory ? memory->memory : PairMemory{};
+      const PairMemory value = in_scene(candidate.surface, match(share, c, touches[t], taken));
       std::memcpy(share.history.data() + 4 * n, &value, sizeof(value));
     }
     if (dissipated && has_history_)
@@ -254,6 +285,7 @@ void WallContacts::remember(int thread, Range candidates) {
   const std::size_t room = share.columns.size() / 8;
   for (std::int64_t c = candidates.begin; c < candidates.end; ++c) {
     std::int64_t slot = share.slot_begin[at(c)];
+    const Pose& pose = pose_of(share.list[at(c)].surface);
     for (std::int64_t t = share.touch_begin[at(c - candidates.begin)];
          t < share.touch_begin[at(c - candidates.begin) + 1]; ++t) {
       if (slot == share.slot_begin[at(c) + 1]) break;
@@ -261,8 +293,37 @@ void WallContacts::remember(int thread, Range candidates) {
       std::memcpy(&memory.memory, share.history.data() + 4 * t, sizeof(PairMemory));
       const double* const normal = share.columns.data() + t;
       memory.normal = {normal[0], normal[room], normal[2 * room]};
+      if (!pose.is_turned) continue;
+      double* const d = memory.memory.displacement;
+      const Vec3 home = pose.turn_back({d[0], d[1], d[2]});
+      for (int axis = 0; axis < 3; ++axis) d[axis] = home[axis];
+      memory.normal = pose.turn_back(memory.normal);
     }
     for (; slot < share.slot_begin[at(c) + 1]; ++slot) share.memory[at(slot)] = WallMemory{};
+  }
+}
+
+void WallContacts::measure(const Particles& particles, int thread, Range candidates, double dt, double counted,
+                           bool has_work, WallSums& sums) const {
+  const Share& share = shares_[index(thread)];
+  const std::size_t room = share.columns.size() / 8;
+  for (std::int64_t c = candidates.begin; c < candidates.end; ++c) {
+    const WallCandidate& candidate = share.list[at(c)];
+    if (!walls_->is_moving(candidate.surface)) continue;
+    const int servo = walls_->servo_of(candidate.surface);
+    for (std::int64_t t = share.touch_begin[at(c - candidates.begin)];
+         t < share.touch_begin[at(c - candidates.begin) + 1]; ++t) {
+      const double* const slot = share.slots.data() + t * slot_size_;
+      const double* const column = share.columns.data() + t;
+      const Vec3 force{slot[0], slot[1], slot[2]};  // on the grain
+      const Vec3 normal{column[0], column[room], column[2 * room]};
+      const Vec3 point = particles.position(candidate.grain) - column[3 * room] * normal;
+      if (has_work) sums.work.add(counted * dt * dot(force, walls_->velocity_now(candidate.surface).at(point)));
+      if (servo < 0) continue;
+      const WallMotion& motion = walls_->servo(at(servo));
+      const Vec3 pushed = motion.torque ? cross(point - motion.origin, -force) : -force;
+      sums.pushes[at(servo)].add(dot(normalized(motion.axis), pushed));
+    }
   }
 }
 

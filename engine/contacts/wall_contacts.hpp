@@ -16,7 +16,7 @@
 
 namespace moraine {
 
-/// What one wall contact remembers; a slot that is not in use has a zero normal.
+/// What one wall contact remembers, in the frame of the wall, so that it turns with it; a slot that is not in use has a zero normal.
 struct WallMemory {
   PairMemory memory;
   Vec3 normal;
@@ -39,7 +39,13 @@ struct WallContact {
   std::int32_t surface = 0;
   Touch touch;
   Vec3 wall_velocity;  // [m/s] where it is touched
-  PairMemory memory;   // before the step
+  PairMemory memory;   // before the step, in the scene's frame
+};
+
+/// What grains do to moving walls, summed exactly, so that layouts agree.
+struct WallSums {
+  ExactSum work;                 // [J] that moving walls have done on the grains of this rank
+  std::vector<ExactSum> pushes;  // [N] or [N m] of each servo: along or about its axis, in the last step
 };
 
 class WallContacts {
@@ -50,6 +56,8 @@ class WallContacts {
   /// (material, wall).
   void build(const Particles& particles, const PairList& pairs, double skin, double time,
              std::span<const std::int32_t> was_at, const WallCarry& carry, int n_threads);
+  /// Looks anew for what the grains may touch, where they and the walls are now; pairs stay.
+  void search(const Particles& particles, const PairList& pairs, double skin, double time, int n_threads);
   WallCarry carry() const;
   /// Gives all back. Only build() may follow.
   void release() { std::vector<Share>().swap(shares_); }
@@ -72,6 +80,10 @@ class WallContacts {
   const WallTouches& touches(int thread) const { return shares_[index(thread)].view; }
   /// Stores what the touches remember after the sweep.
   void remember(int thread, Range candidates);
+
+  /// Adds up what the touches of these candidates, as swept, do to moving walls; `share` of a step's work is counted.
+  void measure(const Particles& particles, int thread, Range candidates, double dt, double share, bool has_work,
+               WallSums& sums) const;
 
   /// Grain i has left: its touches remember nothing more. Adds up the energy that their springs held [J].
   void clear_memory(std::int32_t i, ExactSum& energy);
@@ -103,7 +115,9 @@ class WallContacts {
   void find_across_faces(const Particles& particles, std::int32_t begin, std::int32_t end, double skin, double time,
                          WallCandidates& found) const;
   int touch_one(const Particles& particles, const Share& share, const WallCandidate& candidate, Touch* touches) const;
-  Vec3 wall_velocity(const Surface& surface, Vec3 centre, const Touch& touch) const;
+  Vec3 wall_velocity(std::int32_t surface, Vec3 centre, const Touch& touch) const;
+  const Pose& pose_of(std::int32_t surface) const { return walls_->pose(surface); }
+  PairMemory in_scene(std::int32_t surface, const WallMemory* memory) const;
   void make_room(Share& share) const;
   const WallMemory* match(const Share& share, std::int64_t candidate, const Touch& touch, unsigned& taken) const;
   double energy_of_ended(const Share& share, std::int64_t candidate, unsigned taken) const;
@@ -125,10 +139,9 @@ void WallContacts::for_each(const Particles& particles, Function f) const {
       unsigned taken = 0;
       for (int t = 0; t < n; ++t) {
         const WallMemory* memory = match(share, static_cast<std::int64_t>(c), touches[t], taken);
-        const Surface& surface = walls_->surfaces()[static_cast<std::size_t>(candidate.surface)];
         f(WallContact{candidate.grain, candidate.surface, touches[t],
-                      wall_velocity(surface, particles.position(candidate.grain), touches[t]),
-                      memory ? memory->memory : PairMemory{}});
+                      wall_velocity(candidate.surface, particles.position(candidate.grain), touches[t]),
+                      in_scene(candidate.surface, memory)});
       }
     }
 }

@@ -126,26 +126,28 @@ std::size_t Particles::memory() const {
          force_.capacity_bytes() + torque_.capacity_bytes() + gas_acceleration_.capacity_bytes();
 }
 
+void put_grain(const Scene& scene, const GrainSeed& seed, std::uint64_t gid, Particles& particles, std::int32_t i) {
+  const bool has_rotation = particles.has(Field::angular_velocity);
+  const double mass = scene.materials[seed.material].density * sphere_volume(seed.radius);
+  for (int c = 0; c < 3; ++c) {
+    particles.set_real(Field::position, i, c, seed.position[c]);
+    particles.set_real(Field::velocity, i, c, seed.velocity[c]);
+    if (has_rotation) particles.set_real(Field::angular_velocity, i, c, seed.angular_velocity[c]);
+  }
+  particles.set_real(Field::radius, i, 0, seed.radius);
+  particles.set_real(Field::inverse_mass, i, 0, 1.0 / mass);
+  if (has_rotation) particles.set_real(Field::inverse_inertia, i, 0, 1.0 / sphere_inertia(mass, seed.radius));
+  if (scene.domain.dimensions == 2) particles.set_real(Field::velocity, i, 2, 0.0);
+  particles.set_gid(i, gid);
+  particles.set_material(i, seed.material);
+}
+
 void put_grains(const Scene& scene, const std::vector<GrainSeed>& seeds, Particles& particles) {
   if (seeds.size() >= (std::size_t{1} << 30))
     throw SceneError({{"particles", "more than 2^30 grains in one rank; use more ranks", false}});
   particles.resize(static_cast<std::int32_t>(seeds.size()));
-  const bool has_rotation = particles.has(Field::angular_velocity);
-  for (std::int32_t i = 0; i < particles.size(); ++i) {
-    const GrainSeed& seed = seeds[static_cast<std::size_t>(i)];
-    const double mass = scene.materials[seed.material].density * sphere_volume(seed.radius);
-    for (int c = 0; c < 3; ++c) {
-      particles.set_real(Field::position, i, c, seed.position[c]);
-      particles.set_real(Field::velocity, i, c, seed.velocity[c]);
-      if (has_rotation) particles.set_real(Field::angular_velocity, i, c, seed.angular_velocity[c]);
-    }
-    particles.set_real(Field::radius, i, 0, seed.radius);
-    particles.set_real(Field::inverse_mass, i, 0, 1.0 / mass);
-    if (has_rotation) particles.set_real(Field::inverse_inertia, i, 0, 1.0 / sphere_inertia(mass, seed.radius));
-    if (scene.domain.dimensions == 2) particles.set_real(Field::velocity, i, 2, 0.0);
-    particles.set_gid(i, static_cast<std::uint64_t>(i));
-    particles.set_material(i, seed.material);
-  }
+  for (std::int32_t i = 0; i < particles.size(); ++i)
+    put_grain(scene, seeds[static_cast<std::size_t>(i)], static_cast<std::uint64_t>(i), particles, i);
 }
 
 void put_grains(const Scene& scene, const std::vector<GrainSeed>& seeds, std::span<const std::uint64_t> gids,

@@ -100,6 +100,8 @@ class Particles {
   AlignedArray<double> dissipated_, force_, torque_, gas_acceleration_;
 };
 
+/// Puts a grain at birth into storage, at place i.
+void put_grain(const Scene& scene, const GrainSeed& seed, std::uint64_t gid, Particles& particles, std::int32_t i);
 /// Puts grains at birth into storage, in the order of their gids, which count from 0. Throws SceneError where they are too many.
 void put_grains(const Scene& scene, const std::vector<GrainSeed>& seeds, Particles& particles);
 /// The same with these gids, one for each grain.

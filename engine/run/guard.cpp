@@ -120,6 +120,14 @@ std::string explain_speed(const GuardView& view, std::int32_t grain) {
          contacts_text(view, grain) + cure(view);
 }
 
+std::string explain_fast_wall(const GuardView& view, double wander, double smallest_radius) {
+  return head(view) +
+         fmt::format(
+             "a wall moves {:.4g} m in one step, {:.3g} of the smallest radius: contacts would be missed; set a "
+             "time.step of at most {:.3g} s, or move the wall more slowly",
+             wander, wander / smallest_radius, 0.1 * view.dt * smallest_radius / wander);
+}
+
 std::string explain_outside(const GuardView& view, std::int32_t grain) {
   static constexpr const char* faces[] = {"x-low", "x-high", "y-low", "y-high", "z-low", "z-high"};
   const Vec3 p = view.particles.position(grain);

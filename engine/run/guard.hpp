@@ -28,6 +28,8 @@ std::string explain_overlap(const GuardView& view);
 std::string explain_not_finite(const GuardView& view);
 /// The fastest grain moves so far in a step that contacts are missed.
 std::string explain_speed(const GuardView& view, std::int32_t grain);
+/// A wall moves so far in a step [m] that contacts of grains of that radius [m] are missed.
+std::string explain_fast_wall(const GuardView& view, double wander, double smallest_radius);
 /// A contact at the start that is deeper than allowed.
 std::string explain_start_overlap(const GuardView& view, const ContactReport& contact);
 /// Some grain has moved by `travelled` [m] before the ranks looked, more than half the skin of the pair list [m].

@@ -61,6 +61,9 @@ struct GridArray {
   std::vector<double> values;  // of this rank
 };
 
+/// Under which an image's accumulators hold where a moving wall is: x = R X + s for what the scene has at X; R row by row [-], then s [m].
+inline std::string pose_name(const std::string& wall) { return "pose_" + wall; }
+
 struct Image {
   std::uint64_t step = 0;
   double time = 0.0;       // [s]

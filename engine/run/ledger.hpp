@@ -24,13 +24,14 @@ struct EnergyLedger {
   double lost_friction = 0.0;
   double lost_drag = 0.0;  // to bulk viscosity and the gas; less than nothing where it drives the grains
   double left = 0.0;       // carried out through outlets
+  double wall_work = 0.0;  // done by moving walls
   double initial = 0.0;    // total at the start of the run
   double total() const { return kinetic + rotational + elastic_normal + elastic_tangential + potential; }
   double lost() const { return lost_normal + lost_tangential + lost_friction + lost_drag + left; }
-  double error() const { return total() + lost() - initial; }
+  double error() const { return total() + lost() - initial - wall_work; }
 };
 
-/// The energies at the present positions, given the velocities there; `initial` and `left` stay zero. `damping` is the bulk
+/// The energies at the present positions, given the velocities there; `initial`, `left` and `wall_work` stay zero. `damping` is the bulk
 /// viscosity [1/s]. The same on every layout: all sums are exact. All ranks call it.
 EnergyLedger take_ledger(const World& world, const Particles& particles, const Contacts& contacts,
                          const Contacts::Velocities& now, Vec3 gravity, double damping, double dt);

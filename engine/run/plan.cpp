@@ -10,6 +10,7 @@
 #include "engine/particles/fill.hpp"
 #include "engine/particles/sizes.hpp"
 #include "engine/scene/lists.hpp"
+#include "engine/walls/motion.hpp"
 #include "kernels/base/sphere.hpp"
 #include "kernels/contact/sweep.hpp"
 
@@ -39,6 +40,16 @@ Sizes sizes_of(const Scene& scene, const std::string& material) {
         include(facts.of_material[m].smallest, facts.of_material[m].largest);
     } else if (group.material == material) {
       const DiameterSampler sampler(group.diameter);
+      include(sampler.smallest(), sampler.largest());
+    }
+  }
+  for (const Inlet& inlet : scene.inlets) {
+    if (inlet.list && inlet.list->has_radius) {
+      for (const GrainSeed& grain : inlet.list->grains)
+        if (inlet.material.empty() ? grain.material == index : inlet.material == material)
+          include(2.0 * grain.radius, 2.0 * grain.radius);
+    } else if (inlet.material == material) {
+      const DiameterSampler sampler(inlet.diameter);
       include(sampler.smallest(), sampler.largest());
     }
   }
@@ -79,6 +90,16 @@ double mean_diameter(const Scene& scene) {
       count += 1.0;
     }
   }
+  for (const Inlet& inlet : scene.inlets) {
+    if (inlet.list && inlet.list->has_radius) continue;
+    if (count > 0.0) break;  // the grains of the start tell
+    const DiameterSampler sampler(inlet.diameter);
+    sum += sampler(0.5);
+    count += 1.0;
+  }
+  if (count == 0.0)
+    for (const Inlet& inlet : scene.inlets)
+      for (const GrainSeed& grain : inlet.list->grains) sum += 2.0 * grain.radius, count += 1.0;
   return count > 0.0 ? sum / count : 0.0;
 }
 
@@ -118,6 +139,12 @@ void describe(const Scene& scene, Plan& plan) {
       fmt::format("{} outlet{}", scene.outlets.size(), scene.outlets.size() == 1 ? "" : "s"), "outlets", plan.left_out);
   say(plan.chosen, scene.domain.dimensions == 3, "three dimensions", "the third dimension (z is frozen)",
       plan.left_out);
+  say(plan.chosen, !scene.inlets.empty(),
+      fmt::format("{} inlet{}", scene.inlets.size(), scene.inlets.size() == 1 ? "" : "s"), "inlets", plan.left_out);
+  std::string movers;
+  for (const WallDefinition& wall : scene.walls)
+    if (!wall.motion.empty()) movers += (movers.empty() ? "" : ", ") + wall.name;
+  say(plan.chosen, !movers.empty(), "moving walls: " + movers, "moving walls", plan.left_out);
   say(plan.chosen, scene.gas.has_value(), "gas", "gas", plan.left_out);
 }
 
@@ -134,7 +161,9 @@ double expected_speed(const Scene& scene) {
   double fall = 0.0;  // g h over the directions in which a grain can fall
   for (int axis = 0; axis < 3; ++axis)
     if (!scene.domain.periodic[static_cast<std::size_t>(axis)]) fall += std::abs(g[axis]) * size[axis];
-  speed = std::sqrt(speed * speed + 2.0 * fall);
+  for (const Inlet& inlet : scene.inlets)
+    speed = std::max(speed, length(inlet.velocity) + 4.0 * inlet.velocity_deviation);
+  speed = std::sqrt(speed * speed + 2.0 * fall) + fastest_wall(scene);
   return speed > 0.0 ? speed : 1.0;
 }
 

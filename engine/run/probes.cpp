@@ -8,6 +8,7 @@
 #include <span>
 
 #include "comm/totals.hpp"
+#include "engine/scene/lists.hpp"
 #include "kernels/base/exact_sum.hpp"
 #include "kernels/base/sphere.hpp"
 
@@ -21,6 +22,15 @@ int wall_index(const Scene& scene, const std::string& name) {
   for (std::size_t w = 0; w < scene.walls.size(); ++w)
     if (scene.walls[w].name == name) return static_cast<int>(w);
   return -1;
+}
+
+/// The axis that a wall turns about first of all: probes tell the torque about it.
+const WallMotion* turning(const Scene& scene, const Probe& probe) {
+  const int wall = wall_index(scene, probe.wall);
+  if (wall < 0) return nullptr;
+  const std::vector<WallMotion>& motions = scene.walls[static_cast<std::size_t>(wall)].motion;
+  const auto found = std::find_if(motions.begin(), motions.end(), [](const WallMotion& m) { return m.turns(); });
+  return found == motions.end() ? nullptr : &*found;
 }
 
 /// Extent of the probe along its axis: of the wall, or of the region.
@@ -44,7 +54,8 @@ std::vector<double> values_of(std::span<const ExactSum> sums) {
 
 std::vector<double> wall_force(const ProbeView& view, const Probe& probe) {
   const int wall = wall_index(view.scene, probe.wall);
-  std::array<ExactSum, 6> sums;  // force, torque
+  std::array<ExactSum, 8> sums;  // force, torque, power, torque about its axis
+  const WallMotion* const motion = turning(view.scene, probe);
   view.contacts.for_each_wall_contact(view.particles, view.dt, [&](const ContactReport& c) {
     if (view.walls.surfaces()[static_cast<std::size_t>(c.surface)].wall != wall) return;
     const Vec3 force = -c.result.force, torque = cross(c.point, force);
@@ -52,9 +63,34 @@ std::vector<double> wall_force(const ProbeView& view, const Probe& probe) {
       sums[axis].add(force[static_cast<int>(axis)]);
       sums[axis + 3].add(torque[static_cast<int>(axis)]);
     }
+    sums[6].add(-dot(force, c.wall_velocity));
+    if (motion) sums[7].add(dot(normalized(motion->axis), cross(c.point - motion->origin, force)));
   });
   total(view.world, sums);
-  return values_of(sums);
+  std::vector<double> row = values_of(sums);
+  const WallDefinition& definition = view.scene.walls[static_cast<std::size_t>(wall)];
+  row.resize(definition.motion.empty() ? 6 : motion ? 8 : 7);
+  for (std::size_t k = 0; k < view.walls.servo_walls().size(); ++k)
+    if (view.walls.servo_walls()[k] == wall) {
+      const ServoState& servo = view.walls.servo_states()[k];
+      row.insert(row.end(), {servo.place, servo.speed});
+    }
+  return row;
+}
+
+std::vector<std::string> wall_force_columns(const Scene& scene, const Probe& probe) {
+  std::vector<std::string> names = {"force x [N]",    "force y [N]",    "force z [N]",
+                                    "torque x [N m]", "torque y [N m]", "torque z [N m]"};
+  const int wall = wall_index(scene, probe.wall);
+  if (wall < 0 || scene.walls[static_cast<std::size_t>(wall)].motion.empty()) return names;
+  names.push_back("power [W]");
+  if (turning(scene, probe)) names.push_back("torque about the axis [N m]");
+  for (const WallMotion& m : scene.walls[static_cast<std::size_t>(wall)].motion)
+    if (m.kind == WallMotion::Kind::servo) {
+      names.push_back(m.torque ? "servo angle [rad]" : "servo place [m]");
+      names.push_back(m.torque ? "servo speed [rad/s]" : "servo speed [m/s]");
+    }
+  return names;
 }
 
 std::vector<double> wall_pressure(const ProbeView& view, const Probe& probe) {
@@ -63,7 +99,7 @@ std::vector<double> wall_pressure(const ProbeView& view, const Probe& probe) {
   std::vector<ExactSum> sums(static_cast<std::size_t>(probe.bins));
   view.contacts.for_each_wall_contact(view.particles, view.dt, [&](const ContactReport& c) {
     if (view.walls.surfaces()[static_cast<std::size_t>(c.surface)].wall != wall) return;
-    const int bin = bin_of(probe, extent, c.point);
+    const int bin = bin_of(probe, extent, view.walls.wall_pose(wall).to_home(c.point));
     if (bin >= 0 && bin < probe.bins) sums[static_cast<std::size_t>(bin)].add(dot(c.result.force, c.normal));
   });
   total(view.world, sums);
@@ -153,19 +189,99 @@ std::vector<double> contacts(const ProbeView& view) {
   return {n, n > 0.0 ? sums[1].value() / n : 0.0, deepest};
 }
 
+/// The materials of grains, where there are several to tell apart.
+std::vector<std::size_t> told_materials(const Scene& scene) {
+  std::vector<std::size_t> told;
+  const std::vector<bool> is_grain = grain_materials(scene);
+  for (std::size_t m = 0; m < is_grain.size(); ++m)
+    if (is_grain[m]) told.push_back(m);
+  return told.size() > 1 ? told : std::vector<std::size_t>{};
+}
+
 std::vector<double> mass(const ProbeView& view, std::vector<double>& last) {
   const Census& c = view.census;
   if (last.size() != 2) last = {view.time, c.mass_left};
   const double elapsed = view.time - last[0];
   const double flow = elapsed > 0.0 ? (c.mass_left - last[1]) / elapsed : 0.0;
   last = {view.time, c.mass_left};
-  return {c.n_born, c.n_born - c.n_left, c.n_left, c.mass_born, c.mass_born - c.mass_left, c.mass_left, flow};
+  std::vector<double> row = {
+      c.n_born, c.n_born - c.n_left, c.n_left, c.mass_born, c.mass_born - c.mass_left, c.mass_left, flow};
+  for (const std::size_t m : told_materials(view.scene)) {
+    const Census::OfMaterial& kind = c.of_material[m];
+    row.insert(row.end(), {kind.n_born, kind.n_born - kind.n_left, kind.n_left, kind.mass_born,
+                           kind.mass_born - kind.mass_left, kind.mass_left});
+  }
+  if (view.scene.outlets.size() > 1) row.insert(row.end(), c.n_left_through.begin(), c.n_left_through.end());
+  for (std::size_t k = 0; k < view.scene.inlets.size(); ++k) {
+    const Inlets::Account account = view.inlets->account(k);
+    row.insert(row.end(), {static_cast<double>(account.n_born), account.mass_born, static_cast<double>(account.n_owed),
+                           account.mass_owed});
+  }
+  return row;
+}
+
+std::vector<std::string> mass_columns(const Scene& scene) {
+  std::vector<std::string> names = {"born",           "inside",        "left", "mass born [kg]", "mass inside [kg]",
+                                    "mass left [kg]", "outflow [kg/s]"};
+  for (const std::size_t m : told_materials(scene))
+    for (const char* what :
+         {"{} born", "{} inside", "{} left", "{} mass born [kg]", "{} mass inside [kg]", "{} mass left [kg]"})
+      names.push_back(fmt::format(fmt::runtime(what), scene.materials[m].name));
+  if (scene.outlets.size() > 1)
+    for (const Outlet& outlet : scene.outlets) names.push_back("left through " + outlet.name);
+  for (const Inlet& inlet : scene.inlets)
+    for (const char* what : {"born at {}", "mass born at {} [kg]", "owed at {}", "mass owed at {} [kg]"})
+      names.push_back(fmt::format(fmt::runtime(what), inlet.name));
+  return names;
+}
+
+/// Lacey's index (1954, J. Appl. Chem. 4, 257): 0 where the kinds are apart, 1 where they lie as at random. Each cell of the region
+/// weighs as many as its grains are; variances of the share of one kind: of unmixed grains p (1 - p), of a random mixture
+/// p (1 - p) over the mean number of grains in a cell.
+std::vector<double> mixing(const ProbeView& view, const Probe& probe) {
+  const Particles& p = view.particles;
+  const int material = view.scene.material_index(probe.material);
+  const Vec3 size = probe.region.size();
+  const double width = std::max({size.x, size.y, size.z}) / probe.bins;
+  std::array<std::int64_t, 3> n_cells;
+  for (int axis = 0; axis < 3; ++axis)
+    n_cells[static_cast<std::size_t>(axis)] =
+        std::max<std::int64_t>(1, static_cast<std::int64_t>(std::lround(size[axis] / width)));
+  std::vector<std::uint64_t> counts(2 * static_cast<std::size_t>(n_cells[0] * n_cells[1] * n_cells[2]), 0);
+  for (std::int32_t i = 0; i < p.size(); ++i) {
+    if (!p.is_here(i) || !probe.region.contains(p.position(i))) continue;
+    std::int64_t cell = 0;
+    for (int axis = 2; axis >= 0; --axis) {
+      const std::int64_t n = n_cells[static_cast<std::size_t>(axis)];
+      const double along = (p.position(i)[axis] - probe.region.low[axis]) / size[axis] * static_cast<double>(n);
+      cell = cell * n + std::clamp<std::int64_t>(static_cast<std::int64_t>(along), 0, n - 1);
+    }
+    ++counts[2 * static_cast<std::size_t>(cell)];
+    if (p.material(i) == material) ++counts[2 * static_cast<std::size_t>(cell) + 1];
+  }
+  if (!view.world.is_alone()) view.world.sum(std::span<std::uint64_t>(counts));
+  double n_all = 0.0, n_kind = 0.0, n_filled = 0.0;
+  for (std::size_t c = 0; c < counts.size(); c += 2) {
+    n_all += static_cast<double>(counts[c]);
+    n_kind += static_cast<double>(counts[c + 1]);
+    n_filled += counts[c] > 0 ? 1.0 : 0.0;
+  }
+  const double share = n_all > 0.0 ? n_kind / n_all : 0.0;
+  double variance = 0.0;
+  for (std::size_t c = 0; c < counts.size(); c += 2) {
+    if (counts[c] == 0) continue;
+    const auto n = static_cast<double>(counts[c]), off = static_cast<double>(counts[c + 1]) / n - share;
+    variance += n / n_all * off * off;
+  }
+  const double unmixed = share * (1.0 - share), random = n_all > 0.0 ? unmixed * n_filled / n_all : 0.0;
+  const double index = unmixed > random ? (unmixed - variance) / (unmixed - random) : 0.0;
+  return {index, share, n_all, n_filled};
 }
 
 std::vector<double> energy(const EnergyLedger& e) {
-  return {e.kinetic,   e.rotational,  e.elastic_normal,  e.elastic_tangential,
-          e.potential, e.lost_normal, e.lost_tangential, e.lost_friction,
-          e.lost_drag, e.left,        e.total(),         e.error()};
+  return {e.kinetic,     e.rotational,      e.elastic_normal, e.elastic_tangential, e.potential,
+          e.lost_normal, e.lost_tangential, e.lost_friction,  e.lost_drag,          e.left,
+          e.wall_work,   e.total(),         e.error()};
 }
 
 }  // namespace
@@ -184,10 +300,10 @@ std::vector<std::string> probe_columns(const Scene& scene, const Probe& probe) {
               "lost to friction [J]",
               "lost to drag [J]",
               "left [J]",
+              "work of moving walls [J]",
               "total [J]",
               "error [J]"};
-    case Probe::Kind::wall_force:
-      return {"force x [N]", "force y [N]", "force z [N]", "torque x [N m]", "torque y [N m]", "torque z [N m]"};
+    case Probe::Kind::wall_force: return wall_force_columns(scene, probe);
     case Probe::Kind::region:
       return {"grains",
               "solid fraction",
@@ -196,8 +312,9 @@ std::vector<std::string> probe_columns(const Scene& scene, const Probe& probe) {
               "velocity z [m/s]",
               "granular temperature [m2/s2]",
               "coordination number"};
-    case Probe::Kind::mass:
-      return {"born", "inside", "left", "mass born [kg]", "mass inside [kg]", "mass left [kg]", "outflow [kg/s]"};
+    case Probe::Kind::mass: return mass_columns(scene);
+    case Probe::Kind::mixing:
+      return {"mixing index", "share of " + probe.material, "grains looked at", "cells with grains"};
     case Probe::Kind::contacts: return {"contacts", "mean overlap / radius", "largest overlap / radius"};
     case Probe::Kind::wall_pressure:
     case Probe::Kind::profile: {
@@ -234,6 +351,7 @@ std::vector<double> probe_row(const ProbeView& view, const Probe& probe, std::ve
     case Probe::Kind::mass: return mass(view, last);
     case Probe::Kind::profile: return profile(view, probe);
     case Probe::Kind::contacts: return contacts(view);
+    case Probe::Kind::mixing: return mixing(view, probe);
     case Probe::Kind::pressure:
     case Probe::Kind::pressure_drop:
     case Probe::Kind::bed_height:

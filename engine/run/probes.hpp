@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "comm/world.hpp"
+#include "engine/openings/inlets.hpp"
 #include "engine/run/census.hpp"
 #include "engine/run/gas_probes.hpp"
 #include "engine/run/ledger.hpp"
@@ -23,6 +24,7 @@ struct ProbeView {
   double dt = 0.0;             // [s]
   const EnergyLedger* energy;  // nullptr where the scene keeps none
   Census census;
+  const Inlets* inlets;
   double time = 0.0;             // [s]
   const GasView* gas = nullptr;  // nullptr where the scene has none
 };

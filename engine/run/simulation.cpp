@@ -10,9 +10,13 @@
 #include <numeric>
 #include <optional>
 
+#include "comm/totals.hpp"
 #include "engine/contacts/contacts.hpp"
+#include "engine/openings/inlets.hpp"
+#include "engine/openings/outlets.hpp"
 #include "engine/particles/fill.hpp"
 #include "engine/particles/particles.hpp"
+#include "engine/particles/sizes.hpp"
 #include "engine/run/balance.hpp"
 #include "engine/run/census.hpp"
 #include "engine/run/decomposition.hpp"
@@ -25,6 +29,7 @@
 #include "engine/scene/lists.hpp"
 #include "engine/threads.hpp"
 #include "engine/walls/walls.hpp"
+#include "kernels/base/sphere.hpp"
 
 namespace moraine {
 
@@ -52,19 +57,38 @@ void check(const Scene& scene, const World& world) {
   if (!problems.empty()) throw SceneError(std::move(problems));
 }
 
-/// Of the grains of all ranks, which call it together.
-GrainKind kind_of(const World& world, const Particles& particles) {
+/// Calls f(radius, material) for the smallest and largest grains that inlets may give.
+template <typename Function>
+void for_each_kind_to_come(const Scene& scene, Function f) {
+  for (const Inlet& inlet : scene.inlets) {
+    const auto material = static_cast<std::uint16_t>(std::max(0, scene.material_index(inlet.material)));
+    if (inlet.list && inlet.list->has_radius) {
+      for (const GrainSeed& grain : inlet.list->grains)
+        f(grain.radius, inlet.material.empty() ? grain.material : material);
+      continue;
+    }
+    const DiameterSampler sampler(inlet.diameter);
+    for (const double diameter : {sampler.smallest(), sampler.largest()}) f(0.5 * diameter, material);
+  }
+}
+
+/// Of the grains of all ranks, which call it together, and of those to come.
+GrainKind kind_of(const World& world, const Scene& scene, const Particles& particles) {
   // Largest radius, inverse mass and material, then the largest of the negative ones, which gives the smallest.
   std::array<double, 6> most;
   most.fill(-infinity);
-  for (std::int32_t i = 0; i < particles.size(); ++i) {
-    const std::array<double, 3> values = {particles.radius(i), particles.inverse_mass(i),
-                                          static_cast<double>(particles.material(i))};
+  const auto include = [&](const std::array<double, 3>& values) {
     for (std::size_t k = 0; k < 3; ++k) {
       most[k] = std::max(most[k], values[k]);
       most[k + 3] = std::max(most[k + 3], -values[k]);
     }
-  }
+  };
+  for (std::int32_t i = 0; i < particles.size(); ++i)
+    include({particles.radius(i), particles.inverse_mass(i), static_cast<double>(particles.material(i))});
+  for_each_kind_to_come(scene, [&](double radius, std::uint16_t material) {
+    const double mass = scene.materials[material].density * sphere_volume(radius);
+    include({radius, 1.0 / mass, static_cast<double>(material)});
+  });
   world.max(most);
   GrainKind kind;
   if (most[0] < 0.0) return kind;  // there are no grains
@@ -74,6 +98,11 @@ GrainKind kind_of(const World& world, const Particles& particles) {
   kind.mass_ratio = most[1] / -most[4];
   kind.is_uniform = most[0] == -most[3] && most[1] == -most[4] && most[2] == -most[5];
   return kind;
+}
+
+/// Under which a checkpoint keeps the state of a servo.
+std::string servo_name(const Scene& scene, const Walls& walls, std::size_t number) {
+  return "servo_" + scene.walls[static_cast<std::size_t>(walls.servo_walls()[number])].name;
 }
 
 /// Lists of start positions have done their work once the grains are born; they weigh as much as the grains.
@@ -94,6 +123,7 @@ void trim_heap() {
 /// What this step does besides advancing the grains; decided in one place.
 struct StepPlan {
   bool rebuild = false;
+  bool search_walls = false;  // a rebuild does it anyway
 };
 
 struct Simulation::Parts {
@@ -101,6 +131,8 @@ struct Simulation::Parts {
   int n_threads;
   Plan plan;
   Walls walls;
+  Outlets outlets;
+  Inlets inlets;
   Particles particles;
   std::optional<Contacts> contacts;
   std::optional<GasPhase> gas;
@@ -111,6 +143,8 @@ struct Simulation::Parts {
   double dt = 0.0;
   CensusTaker census;                    // of this rank
   std::uint64_t n_born = 0, n_left = 0;  // of all ranks, when they last counted
+  std::uint64_t n_ever_born = 0;         // of all ranks, always: the next gid
+  std::vector<std::string> notes;        // what a user should know
   double energy_initial = 0.0;
   bool has_energy_initial = false;
   std::vector<std::vector<double>> probe_memory;
@@ -121,7 +155,8 @@ struct Simulation::Parts {
   double travelled = 0.0;   // [m] no grain has moved further since the rebuild
   std::vector<Vec3> place_at_rebuild;
   double next_wall_change = 0.0;  // [s]
-  std::uint64_t n_rebuilds = 0, steps_since_rebuild = 0;
+  double wall_speed = 0.0;        // [m/s] no wall ever moves faster
+  std::uint64_t n_rebuilds = 0, n_wall_searches = 0, steps_since_rebuild = 0;
   StepResult result;
 
   // Several ranks: when they look next at how far all have come, and what they divide.
@@ -141,14 +176,22 @@ struct Simulation::Parts {
         n_threads(threads),
         plan(make_plan(s, threads)),
         walls(s),
+        outlets(s),
+        inlets(s, plan.time_step.step),
         particles(needs_of(s)),
         dt(plan.time_step.step),
+        census(s.materials.size(), s.outlets.size()),
         probe_memory(s.output.probes.size()),
         world(ranks),
-        balancer(ranks, s.run.balance, threads) {}
+        balancer(ranks, s.run.balance, threads) {
+    wall_speed = fastest_wall(s);
+    walls.move_to(0.0, dt);
+  }
 
   double time() const { return static_cast<double>(step) * dt; }
   double mean_diameter() const { return 10.0 * plan.skin; }  // [m] as the plan has it
+  /// How much nearer walls may come before they must be looked for anew; grains may go as far.
+  double allowed_wander() const { return 0.5 * skin * (1.0 - 1e-9); }
   double allowed_travel() const { return 0.5 * skin * (1.0 - 1e-9); }
   GuardView guard_view() const {
     return {scene, particles, *contacts, walls, time(), dt, step, plan.time_step.steps_per_contact};
@@ -165,7 +208,9 @@ struct Simulation::Parts {
   void check_travel();
   double largest_travel() const;
   double largest_push() const;
-  void rebuild();
+  void rebuild(const Births& births = {});
+  void search_walls();
+  void move_walls();
   bool balance();
   bool is_balance_due();
   Balancer::Measure measure() const;
@@ -179,18 +224,22 @@ struct Simulation::Parts {
   void tick();
 
   void after_rebuild();
-  bool leaves_through_outlet(Vec3 position) const;
-  void remove(std::int32_t i);
+  int outlet_of(std::int32_t i) const;
+  void remove(std::int32_t i, std::size_t outlet);
+  std::vector<std::int32_t> leavers_inside() const;
+  void bear_from_inlets();
+  double energy_of(std::int32_t i) const;
   void check_start();
   void renew_list();
   void take_memory(Image& image);
   CensusTaker full_census() const;
   EnergyLedger energy();
+  std::vector<double> remembered() const;
   Image image_head() const;
 };
 
 void Simulation::Parts::make_contacts() {
-  kind = kind_of(world, particles);
+  kind = kind_of(world, scene, particles);
   contacts.emplace(scene, walls, kind, world);
   skin = plan.skin;
   choose_skin();
@@ -327,6 +376,7 @@ void Simulation::Parts::advance_gas() {
 
 StepPlan Simulation::Parts::decide() {
   StepPlan todo;
+  todo.search_walls = walls.is_any_moving() && walls.wander() > allowed_wander();
   todo.rebuild = is_list_old || time() >= next_wall_change;
   if (todo.rebuild) return todo;
   const bool looks = world.is_alone() ? travelled > allowed_travel() : step >= next_look;
@@ -363,7 +413,8 @@ bool Simulation::Parts::look() {
   const double left = 0.95 * (allowed_travel() - most[0]);
   if (!(left > 0.0)) return true;
   // How many steps until that is used up: v n + g n (n + 1) / 2 = left, v and g in metres a step.
-  const double g = (length(scene.time.gravity) + most[3]) * dt * dt, v = speed_gain() * most[1] * dt + 0.5 * g;
+  const double g = (length(scene.time.gravity) + most[3]) * dt * dt,
+               v = speed_gain() * (most[1] + wall_speed) * dt + 0.5 * g;
   const double reach =
       std::floor(2.0 * left / (v + std::sqrt(v * v + 2.0 * g * left)));  // infinite where nothing moves
   if (reach < std::max(1.0, 0.125 * static_cast<double>(steps_since_rebuild))) return true;
@@ -381,7 +432,7 @@ void Simulation::Parts::check_travel() {
   throw RunError(explain_stale_list(guard_view(), travelled, skin));
 }
 
-void Simulation::Parts::rebuild() {
+void Simulation::Parts::rebuild(const Births& births) {
   start(Phase::rebuild);
   ++n_rebuilds;
   if (contacts->are_set_aside()) trim_heap();  // of the image
@@ -390,12 +441,37 @@ void Simulation::Parts::rebuild() {
   const double begin = threads::now();
   const bool is_cut = balance();
   place_at_rebuild = {};
-  contacts->rebuild(particles, skin, time(), n_threads);
+  contacts->rebuild(particles, skin, time(), n_threads, births);
   after_rebuild();
   if (is_cut) balancer.note_cut(step, threads::now() - begin - before);
 }
 
+/// Walls have moved under the grains: what these may touch is looked for anew. No rank asks another.
+void Simulation::Parts::search_walls() {
+  start(Phase::rebuild);
+  ++n_wall_searches;
+  contacts->search_walls(particles, skin, time(), n_threads);
+  walls.mark();
+}
+
+/// To the time of the grains' new positions. Servos go by what the grains did to them in this step.
+void Simulation::Parts::move_walls() {
+  if (!walls.servo_walls().empty()) {
+    std::vector<ExactSum> pushes = contacts->wall_sums().pushes;
+    total(world, pushes);
+    for (std::size_t k = 0; k < pushes.size(); ++k) {
+      ServoState& state = walls.servo_states()[k];
+      state.speed = next_speed(walls.servo(k), state.speed, pushes[k].value(), dt);
+      state.place += dt * state.speed;
+    }
+  }
+  walls.move_to(time(), dt);
+  if (const double wander = walls.last_wander(); wander > max_travel * kind.smallest_radius)
+    throw RunError(explain_fast_wall(guard_view(), wander, kind.smallest_radius));
+}
+
 void Simulation::Parts::after_rebuild() {
+  walls.mark();
   is_list_old = false;
   travelled = 0.0;
   steps_since_rebuild = 0;
@@ -414,7 +490,7 @@ void Simulation::Parts::after_rebuild() {
 
 /// How many grains there are by now, on all ranks.
 void Simulation::Parts::count() {
-  std::array<std::uint64_t, 2> counts = {census.n_born, census.n_left};
+  std::array<std::uint64_t, 2> counts = {census.n_born(), census.n_left()};
   world.sum(counts);
   n_born = counts[0];
   n_left = counts[1];
@@ -436,8 +512,9 @@ Kick Simulation::Parts::kick_of(double h) const {
 
 void Simulation::Parts::advance() {
   start(Phase::advance);
-  // Velocities start at the positions, and are half a step behind them from then on.
-  contacts->advance(particles, kick_of(step == 0 ? 0.5 * dt : dt), dt, travelled, n_threads, result);
+  // Velocities start at the positions, and are half a step behind them from then on: the first step's kick, and what walls do in it, is half as long.
+  contacts->advance(particles, kick_of(step == 0 ? 0.5 * dt : dt), dt, travelled, n_threads, result,
+                    step == 0 ? 0.5 : 1.0);
   if (step == 0 && particles.has(Field::dissipated)) {  // rates are counted for half a step at the start
     double* const lost = particles.dissipated();
     for (std::ptrdiff_t i = 0; i < particles.size(); ++i) lost[4 * i] *= 0.5;
@@ -445,30 +522,30 @@ void Simulation::Parts::advance() {
   travelled += result.max_speed * dt;
 }
 
-bool Simulation::Parts::leaves_through_outlet(Vec3 position) const {
-  const Box box = scene.domain.box();
-  for (const Outlet& outlet : scene.outlets) {
-    if (const int* face = std::get_if<int>(&outlet.where)) {
-      const int axis = *face / 2;
-      if (*face % 2 == 0 ? position[axis] < box.low[axis] : position[axis] >= box.high[axis]) return true;
-    } else if (std::get<Box>(outlet.where).contains(position)) {
-      return true;
-    }
-  }
-  return false;
+/// The outlet that takes the grain in this step, or -1.
+int Simulation::Parts::outlet_of(std::int32_t i) const {
+  const Vec3 now = particles.position(i);
+  return outlets.taking(now - dt * particles.velocity(i), now, time(), static_cast<double>(step + 1) * dt);
 }
 
-void Simulation::Parts::remove(std::int32_t i) {
+/// Kinetic, rotational and potential [J].
+double Simulation::Parts::energy_of(std::int32_t i) const {
   const double mass = 1.0 / particles.inverse_mass(i);
-  ++census.n_left;
-  if (world.is_alone()) n_left = census.n_left;
-  census.mass_left.add(mass);
+  double energy =
+      0.5 * mass * squared_length(particles.velocity(i)) - mass * dot(scene.time.gravity, particles.position(i));
+  if (scene.contact.rotation)
+    energy += 0.5 / particles.inverse_inertia(i) * squared_length(particles.angular_velocity(i));
+  return energy;
+}
+
+void Simulation::Parts::remove(std::int32_t i, std::size_t outlet) {
+  census.count_left(particles.material(i), 1.0 / particles.inverse_mass(i), outlet);
+  if (world.is_alone()) n_left = census.n_left();
+  if (const int inlet = inlets.find(scene.outlets[outlet].recycles); inlet >= 0)
+    inlets.take_back(static_cast<std::size_t>(inlet), {particles.gid(i), particles.radius(i), particles.material(i)});
   contacts->clear_memory(particles, i);
   if (scene.output.energy) {
-    census.energy_left.add(0.5 * mass * squared_length(particles.velocity(i)) -
-                           mass * dot(scene.time.gravity, particles.position(i)));
-    if (scene.contact.rotation)
-      census.energy_left.add(0.5 / particles.inverse_inertia(i) * squared_length(particles.angular_velocity(i)));
+    census.energy_left.add(energy_of(i));
     for (int k = 0; k < 4; ++k) census.energy_left.add(particles.dissipated()[4 * static_cast<std::ptrdiff_t>(i) + k]);
   }
   for (int c = 0; c < 3; ++c) {
@@ -478,16 +555,55 @@ void Simulation::Parts::remove(std::int32_t i) {
   }
 }
 
+/// Grains inside the domain that an outlet takes, ascending.
+std::vector<std::int32_t> Simulation::Parts::leavers_inside() const {
+  std::vector<std::int32_t> all;
+  if (!outlets.are_inside()) return all;
+  const Box box = scene.domain.box();
+  std::vector<std::vector<std::int32_t>> found(static_cast<std::size_t>(n_threads));
+  parallel(n_threads, [&](int thread) {
+    const Range share = share_of(particles.size(), thread, n_threads);
+    for (std::int64_t i = share.begin; i < share.end; ++i)
+      if (particles.is_here(i) && box.contains(particles.position(i)) && outlet_of(static_cast<std::int32_t>(i)) >= 0)
+        found[static_cast<std::size_t>(thread)].push_back(static_cast<std::int32_t>(i));
+  });
+  for (const std::vector<std::int32_t>& part : found) all.insert(all.end(), part.begin(), part.end());
+  return all;
+}
+
+/// What inlets owe and find room for comes in, with the rebuild that it takes.
+void Simulation::Parts::bear_from_inlets() {
+  if (inlets.empty() || !inlets.is_due(step)) return;
+  start(Phase::rebuild);
+  if (contacts->are_set_aside() || time() >= next_wall_change) rebuild();
+  contacts->refresh(particles);
+  const std::vector<Newborn> born =
+      inlets.bear(step, {world, contacts->subdomains(), particles, walls, time()}, n_ever_born);
+  for (std::string& note : inlets.take_notes()) notes.push_back(std::move(note));
+  if (born.empty()) return;
+  n_ever_born += born.size();
+  std::vector<const Newborn*> own;
+  for (const Newborn& grain : born) result.max_speed = std::max(result.max_speed, length(grain.seed.velocity));
+  for (const Newborn& grain : born)
+    if (world.is_alone() || contacts->subdomains().owner(grain.seed.position) == world.rank()) own.push_back(&grain);
+  rebuild({static_cast<std::int32_t>(own.size()), [&](std::int32_t first) {
+             for (std::int32_t n = 0; n < static_cast<std::int32_t>(own.size()); ++n) {
+               const Newborn& grain = *own[static_cast<std::size_t>(n)];
+               const std::int32_t i = first + n;
+               put_grain(scene, grain.seed, grain.gid, particles, i);
+               census.count_born(grain.seed.material, 1.0 / particles.inverse_mass(i));
+               if (scene.output.energy) census.energy_left.add(-energy_of(i));
+             }
+           }});
+  n_born = n_ever_born;
+}
+
 void Simulation::Parts::cross_faces() {
   start(Phase::faces);
   const Box box = scene.domain.box();
   std::vector<std::int32_t> outside = result.outside;
-  const bool has_boxes = std::any_of(scene.outlets.begin(), scene.outlets.end(),
-                                     [](const Outlet& outlet) { return std::holds_alternative<Box>(outlet.where); });
-  if (has_boxes)
-    for (std::int32_t i = 0; i < particles.size(); ++i)
-      if (particles.is_here(i) && box.contains(particles.position(i)) && leaves_through_outlet(particles.position(i)))
-        outside.push_back(i);
+  const std::vector<std::int32_t> leavers = leavers_inside();
+  outside.insert(outside.end(), leavers.begin(), leavers.end());
   std::sort(outside.begin(), outside.end(),
             [&](std::int32_t x, std::int32_t y) { return particles.gid(x) < particles.gid(y); });
   for (const std::int32_t i : outside) {
@@ -506,10 +622,9 @@ void Simulation::Parts::cross_faces() {
       place_at_rebuild[static_cast<std::size_t>(i)][axis] += by * period;
     }
     if (steps[0] || steps[1] || steps[2]) contacts->shift_images(i, steps);
-    const Vec3 position = particles.position(i);
-    if (leaves_through_outlet(position))
-      remove(i);
-    else if (!box.contains(position))
+    if (const int outlet = outlet_of(i); outlet >= 0)
+      remove(i, static_cast<std::size_t>(outlet));
+    else if (!box.contains(particles.position(i)))
       throw RunError(explain_outside(guard_view(), i));
   }
 }
@@ -528,6 +643,7 @@ void Simulation::Parts::guard() {
 void Simulation::Parts::tick() {
   ++step;
   ++steps_since_rebuild;
+  move_walls();
   start(Phase::observe);
 }
 
@@ -568,7 +684,11 @@ void Simulation::Parts::take_memory(Image& image) {
 
 /// Makes list and ghosts good for the present positions, for those who look at contacts between steps.
 void Simulation::Parts::renew_list() {
-  if (decide().rebuild) rebuild();
+  const StepPlan todo = decide();
+  if (todo.rebuild)
+    rebuild();
+  else if (todo.search_walls)
+    search_walls();
   contacts->refresh(particles);
 }
 
@@ -576,6 +696,7 @@ void Simulation::Parts::renew_list() {
 CensusTaker Simulation::Parts::full_census() const {
   CensusTaker own = census;
   own.energy_left.add(contacts->energy_left());
+  own.wall_work.add(contacts->wall_sums().work);
   return own.total(world);
 }
 
@@ -589,7 +710,15 @@ EnergyLedger Simulation::Parts::energy() {
   half_kick.drift = 0.0;
   const Contacts::Velocities now = contacts->velocities_now(particles, half_kick, dt, n_threads);
   EnergyLedger ledger = take_ledger(world, particles, *contacts, now, scene.time.gravity, c, 2.0 * h);
-  ledger.left = full_census().energy_left.value();
+  const CensusTaker all = full_census();
+  ledger.left = all.energy_left.value();
+  // Half of what walls do in the present step is done at the positions.
+  ExactSum present;
+  if (walls.is_any_moving() && step > 0)
+    contacts->for_each_wall_contact(particles, dt, [&](const ContactReport& contact) {
+      present.add(0.5 * dt * dot(contact.result.force, contact.wall_velocity));
+    });
+  ledger.wall_work = all.wall_work.value() + total(world, present);
   if (!has_energy_initial) {
     energy_initial = ledger.total();
     has_energy_initial = true;
@@ -617,11 +746,21 @@ void Simulation::Parts::bear_grains() {
     world.broadcast(problem, static_cast<int>(first - has_problem.begin()));
     throw SceneError({{"", problem, false}});
   }
-  census.n_born = static_cast<std::uint64_t>(particles.size());
-  for (std::int32_t i = 0; i < particles.size(); ++i) census.mass_born.add(1.0 / particles.inverse_mass(i));
+  for (std::int32_t i = 0; i < particles.size(); ++i)
+    census.count_born(particles.material(i), 1.0 / particles.inverse_mass(i));
   count();
+  n_ever_born = n_born;
   if (is_scattered(scene) && n_born != plan.n_grains)
     throw std::logic_error("the lists of the scene were read by other ranks than those that run it");
+}
+
+/// What the run remembers besides its grains and gas, the same on all ranks.
+std::vector<double> Simulation::Parts::remembered() const {
+  std::vector<double> all;
+  for (const ServoState& servo : walls.servo_states()) all.insert(all.end(), {servo.place, servo.speed});
+  const std::vector<double> owed = inlets.hashed();
+  all.insert(all.end(), owed.begin(), owed.end());
+  return all;
 }
 
 Image Simulation::Parts::image_head() const {
@@ -631,6 +770,13 @@ Image Simulation::Parts::image_head() const {
   image.time_step = dt;
   image.domain = scene.domain.box();
   image.periodic = scene.domain.periodic;
+  for (std::size_t w = 0; w < scene.walls.size(); ++w) {
+    if (scene.walls[w].motion.empty()) continue;
+    const Pose& pose = walls.wall_pose(static_cast<std::int32_t>(w));
+    std::vector<double>& numbers = image.accumulators[pose_name(scene.walls[w].name)];
+    for (const Vec3& row : {pose.rows[0], pose.rows[1], pose.rows[2], pose.shift})
+      numbers.insert(numbers.end(), {row.x, row.y, row.z});
+  }
   return image;
 }
 
@@ -660,19 +806,32 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
   if (!(image.domain == scene.domain.box()) || image.periodic != scene.domain.periodic)
     throw SceneError({{"domain", "is not the one that the checkpoint was written with", false}});
   p.step = p.last_surprise = image.step;
-  const CensusTaker census = CensusTaker::from(image.accumulators);
-  if (world.is_root()) p.census = census;  // once over all ranks
-  p.n_born = census.n_born;
-  p.n_left = census.n_left;
   p.energy_initial = kept_number(image.accumulators, "energy_initial");
   p.has_energy_initial = scene.output.energy;
   for (std::size_t k = 0; k < p.probe_memory.size(); ++k)
     if (const auto found = image.accumulators.find("probe_" + scene.output.probes[k].name);
         found != image.accumulators.end())
       p.probe_memory[k] = found->second;
+  for (std::size_t k = 0; k < p.walls.servo_states().size(); ++k) {
+    const std::string name = servo_name(scene, p.walls, k);
+    const auto found = image.accumulators.find(name);
+    if (found == image.accumulators.end() || found->second.size() != 2)
+      throw SceneError(
+          {{"wall", "the checkpoint holds no \"" + name + "\"; it is of a scene without this servo", false}});
+    p.walls.servo_states()[k] = {found->second[0], found->second[1]};
+  }
+  p.walls.move_to(p.time(), p.dt);
   PairCarry pairs;
   WallCarry wall_memory;
   put_rows(world, image, p.particles, pairs, wall_memory);
+  CensusTaker inside = p.census;
+  for (std::int32_t i = 0; i < p.particles.size(); ++i)
+    inside.count_born(p.particles.material(i), 1.0 / p.particles.inverse_mass(i));
+  const CensusTaker census = CensusTaker::from(image.accumulators, inside.total(world));
+  if (world.is_root()) p.census = census;  // once over all ranks
+  p.n_born = p.n_ever_born = census.n_born();
+  p.n_left = census.n_left();
+  p.inlets.restore(image.accumulators);
   if (scene.gas) {
     p.gas.emplace(scene, p.plan, world, n_threads);
     p.gas->restore(image);
@@ -690,9 +849,13 @@ Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 
 void Simulation::step() {
   Parts& p = *parts_;
+  p.bear_from_inlets();
   p.advance_gas();
   const StepPlan todo = p.decide();
-  if (todo.rebuild) p.rebuild();
+  if (todo.rebuild)
+    p.rebuild();
+  else if (todo.search_walls)
+    p.search_walls();
   p.advance();
   p.guard();
   p.cross_faces();
@@ -719,7 +882,9 @@ std::uint64_t Simulation::n_born() const { return parts_->n_born; }
 std::uint64_t Simulation::n_left() const { return parts_->n_left; }
 std::uint64_t Simulation::n_grains() const { return n_born() - n_left(); }
 std::uint64_t Simulation::n_rebuilds() const { return parts_->n_rebuilds; }
+std::uint64_t Simulation::n_wall_searches() const { return parts_->n_wall_searches; }
 std::uint64_t Simulation::n_looks() const { return parts_->n_looks; }
+std::vector<std::string> Simulation::take_notes() { return std::exchange(parts_->notes, {}); }
 double Simulation::memory() const {
   const Parts& p = *parts_;
   return static_cast<double>(p.particles.memory() + p.contacts->memory() +
@@ -772,7 +937,7 @@ Hash128 Simulation::state_hash() const {
   // A wall that vanishes in this very step takes what its contacts remember along.
   if (parts_->contacts->are_set_aside() || parts_->time() >= parts_->next_wall_change) parts_->rebuild();
   parts_->contacts->refresh(parts_->particles);  // so that ghosts' contacts know who has left or crossed a face
-  return moraine::state_hash(parts_->world, parts_->particles, *parts_->contacts, parts_->step,
+  return moraine::state_hash(parts_->world, parts_->particles, *parts_->contacts, parts_->step, parts_->remembered(),
                              parts_->gas ? &*parts_->gas : nullptr);
 }
 
@@ -808,7 +973,11 @@ Image Simulation::checkpoint() const {
   share_out_rows(p.world, p.n_born, image);
   if (p.gas) p.gas->gather_kept(image);
   p.full_census().keep(image.accumulators);
+  image.accumulators.merge(p.inlets.remembered(p.world));
   image.accumulators["energy_initial"] = {p.energy_initial};
+  for (std::size_t k = 0; k < p.walls.servo_states().size(); ++k)
+    image.accumulators[servo_name(p.scene, p.walls, k)] = {p.walls.servo_states()[k].place,
+                                                           p.walls.servo_states()[k].speed};
   for (std::size_t k = 0; k < p.probe_memory.size(); ++k)
     if (!p.probe_memory[k].empty()) image.accumulators["probe_" + p.scene.output.probes[k].name] = p.probe_memory[k];
   return image;
@@ -834,16 +1003,9 @@ std::vector<double> Simulation::probe_row(std::size_t probe) {
   const CensusTaker all = p.full_census();
   std::optional<GasView> gas;
   if (p.gas) gas.emplace(p.gas->view());
-  const ProbeView view{p.world,
-                       p.scene,
-                       p.walls,
-                       p.particles,
-                       *p.contacts,
-                       p.dt,
-                       ledger ? &*ledger : nullptr,
-                       all.census(),
-                       p.time(),
-                       gas ? &*gas : nullptr};
+  const ProbeView view{
+      p.world,      p.scene,   p.walls,  p.particles,          *p.contacts, p.dt, ledger ? &*ledger : nullptr,
+      all.census(), &p.inlets, p.time(), gas ? &*gas : nullptr};
   return moraine::probe_row(view, wanted, p.probe_memory[probe]);
 }
 

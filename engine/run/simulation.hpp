@@ -75,8 +75,12 @@ class Simulation {
   std::uint64_t n_born() const;
   std::uint64_t n_left() const;
   std::uint64_t n_rebuilds() const;
+  /// How often walls were looked for anew because they had moved, beyond rebuilds; of this rank.
+  std::uint64_t n_wall_searches() const;
   /// How often the ranks have looked how far all grains have come: the steps that are not rebuilds but have a reduction.
   std::uint64_t n_looks() const;
+  /// What happened since the last call that a user should know, in sentences; the same on all ranks.
+  std::vector<std::string> take_notes();
   /// Bytes that grains, pairs, wall contacts and cells of this rank hold now.
   double memory() const;
 

@@ -45,13 +45,14 @@ enum class Kind : std::uint64_t { run = 1, grain = 2, pair = 3, wall = 4, gas = 
 }  // namespace
 
 Hash128 state_hash(const World& world, const Particles& particles, const Contacts& contacts, std::uint64_t step,
-                   GasPhase* gas) {
+                   std::span<const double> remembered, GasPhase* gas) {
   Sum sum;
   std::vector<std::uint64_t> words;
   const auto start = [&](Kind kind) { words.assign(1, static_cast<std::uint64_t>(kind)); };
   if (world.is_root()) {
     start(Kind::run);
     words.push_back(step);
+    for (const double value : remembered) words.push_back(word(value));
     sum.add(words);
   }
   for (std::int32_t i = 0; i < particles.size(); ++i) {

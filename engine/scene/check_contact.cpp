@@ -22,14 +22,9 @@ Uses uses_of(const Scene& scene) {
   const auto add = [&](std::set<std::size_t>& to, const std::string& name) {
     if (const int index = scene.material_index(name); index >= 0) to.insert(static_cast<std::size_t>(index));
   };
-  for (const ParticleGroup& group : scene.particles) {
-    add(uses.grains, group.material);
-    const auto* listed = std::get_if<ListedGrains>(&group.fill);
-    if (!listed) continue;
-    const ListFacts facts = facts_of(*listed);
-    for (std::size_t m = 0; m < scene.materials.size(); ++m)
-      if (facts.uses(m)) uses.grains.insert(m);
-  }
+  const std::vector<bool> is_grain = grain_materials(scene);
+  for (std::size_t m = 0; m < is_grain.size(); ++m)
+    if (is_grain[m]) uses.grains.insert(m);
   for (const WallDefinition& wall : scene.walls)
     if (!wall.symmetry) add(uses.walls, wall.material);
   return uses;

@@ -42,6 +42,8 @@ double volume(const Region& region) {
   return sphere_volume(std::get<SphereRegion>(region).radius);
 }
 
+}  // namespace
+
 Box bounds(const Region& region) {
   if (const auto* box = std::get_if<BoxRegion>(&region)) return box->box;
   if (const auto* sphere = std::get_if<SphereRegion>(&region))
@@ -52,6 +54,8 @@ Box bounds(const Region& region) {
   box.high[cylinder.axis] = cylinder.base[cylinder.axis] + cylinder.length;
   return box;
 }
+
+namespace {
 
 /// True where the shape itself can be used.
 bool check_shape(const Region& region, const std::string& key, Findings& found) {
@@ -79,6 +83,8 @@ double slack(const Domain& domain) {
   return 1e-12 * extent;
 }
 
+}  // namespace
+
 bool check_region(const Scene& scene, const Region& region, const std::string& key, Findings& found) {
   if (!check_shape(region, key, found)) return false;
   if (!is_usable(scene.domain)) return true;
@@ -92,8 +98,8 @@ bool check_region(const Scene& scene, const Region& region, const std::string& k
   return true;
 }
 
-void check_room(const Region& region, double largest, const std::string& key, const Domain& domain, Findings& found) {
-  const Vec3 size = bounds(region).size();
+void check_room(const Box& bounds, double largest, const std::string& key, const Domain& domain, Findings& found) {
+  const Vec3 size = bounds.size();
   for (int axis = 0; axis < 3; ++axis) {
     if ((axis == 2 && domain.dimensions == 2) || size[axis] >= largest) continue;
     found.error(key, "is {:.6g} m wide along {}: too narrow for the largest diameter, {:.6g} m", size[axis],
@@ -101,6 +107,8 @@ void check_room(const Region& region, double largest, const std::string& key, co
     return;
   }
 }
+
+namespace {
 
 void check_random_fill(const Scene& scene, const ParticleGroup& group, const RandomFill& fill, const std::string& key,
                        Findings& found) {
@@ -115,7 +123,7 @@ void check_random_fill(const Scene& scene, const ParticleGroup& group, const Ran
                 max_solid_fraction);
   const double largest = diameter_range(group).second;
   if (!has_region || largest == 0.0) return;
-  check_room(fill.region, largest, key + ".region", scene.domain, found);
+  check_room(bounds(fill.region), largest, key + ".region", scene.domain, found);
   if (!fill.count || *fill.count < 1 || scene.domain.dimensions != 3) return;
   const double solids = static_cast<double>(*fill.count) * mean_cube(group.diameter) * std::numbers::pi / 6.0;
   const double fraction = solids / volume(fill.region);
@@ -130,7 +138,7 @@ void check_lattice_fill(const Scene& scene, const ParticleGroup& group, const La
                         Findings& found) {
   const bool has_region = check_region(scene, fill.region, key + ".region", found);
   const double largest = diameter_range(group).second;
-  if (has_region && largest > 0.0) check_room(fill.region, largest, key + ".region", scene.domain, found);
+  if (has_region && largest > 0.0) check_room(bounds(fill.region), largest, key + ".region", scene.domain, found);
   if (found.not_negative(key + ".spacing", fill.spacing, "m") && fill.spacing > 0.0 && fill.spacing < largest)
     found.error(key + ".spacing", "is {} m, less than the largest diameter, {:.6g} m: grains would overlap",
                 fill.spacing, largest);
@@ -231,6 +239,8 @@ void check_listed_grains(const Scene& scene, const ListedGrains& fill, const std
            });
 }
 
+}  // namespace
+
 void check_sizes(const SizeDistribution& d, const std::string& key, Findings& found) {
   using Kind = SizeDistribution::Kind;
   if (d.kind == Kind::single) {
@@ -262,6 +272,8 @@ void check_sizes(const SizeDistribution& d, const std::string& key, Findings& fo
     found.error(key, "bounds {} to {} m leave out nearly all of a distribution of mean {} and deviation {} m", d.low,
                 d.high, d.mean, d.deviation);
 }
+
+namespace {
 
 /// Radius of a listed grain where it can be known before the sizes are drawn; 0 where not.
 double known_radius(const ParticleGroup& group, const ListedGrains& fill, const GrainSeed& grain) {
@@ -434,8 +446,8 @@ std::pair<double, double> diameter_range(const ParticleGroup& group) {
 }
 
 void check_particles(const Scene& scene, Findings& found) {
-  if (scene.particles.empty() && !scene.gas)
-    found.error("particles", "missing: the scene has no grains; add [[particles]]");
+  if (scene.particles.empty() && scene.inlets.empty() && !scene.gas)
+    found.error("particles", "missing: the scene has no grains; add [[particles]], or an [[inlet]]");
   std::vector<std::string> materials;
   for (const Material& material : scene.materials) materials.push_back(material.name);
   for (std::size_t i = 0; i < scene.particles.size(); ++i)

@@ -1,4 +1,4 @@
-// Walls, outlets and probes.
+// Walls and probes.
 #include <algorithm>
 
 #include "engine/scene/checks.hpp"
@@ -50,12 +50,6 @@ void check_shape(const DiscShape& disc, const std::string& key, const Domain&, F
     found.error(key + ".disc.hole_radius", "is {}; expected less than radius = {} [m]", disc.hole_radius, disc.radius);
 }
 
-bool meets(const Box& a, const Box& b) {
-  for (int axis = 0; axis < 3; ++axis)
-    if (a.low[axis] > b.high[axis] || a.high[axis] < b.low[axis]) return false;
-  return true;
-}
-
 void check_shape(const MeshShape& shape, const std::string& key, const Domain& domain, Findings& found) {
   const TriangleMesh& mesh = shape.mesh;
   if (mesh.triangles.empty()) {
@@ -81,27 +75,85 @@ void check_shape(const MeshShape& shape, const std::string& key, const Domain& d
                   text(extent), text(domain.box()));
 }
 
-/// Index of the first thing of the same name before i, or i.
-template <class Things>
-std::size_t first_named_like(const Things& things, std::size_t i) {
-  for (std::size_t j = 0; j < i; ++j)
-    if (things[j].name == things[i].name) return j;
-  return i;
+/// Times of a schedule in order, all of it numbers.
+template <std::size_t n>
+void check_schedule(const std::vector<std::array<double, n>>& schedule, const std::string& key, Findings& found) {
+  for (std::size_t i = 0; i < schedule.size(); ++i) {
+    const std::string row = fmt::format("{}[{}]", key, i);
+    for (std::size_t k = 0; k < n; ++k)
+      if (!found.finite(fmt::format("{}[{}]", row, k), schedule[i][k], k == 0 ? "s" : "-")) return;
+    if (i > 0 && schedule[i][0] < schedule[i - 1][0])
+      found.error(row + "[0]", "is {}; expected at least {}, the time before [s]", schedule[i][0], schedule[i - 1][0]);
+    if (i > 0 && n == 4 && schedule[i][0] == schedule[i - 1][0])
+      found.error(row + "[0]", "is {}, as the time before: a wall cannot be in two places [s]", schedule[i][0]);
+  }
 }
 
-template <class Things>
-void check_name(const Things& things, std::size_t i, const std::string& section, Findings& found) {
-  const std::string key = fmt::format("{}[{}].name", section, i);
-  if (things[i].name.empty())
-    found.error(key, "is empty; give it a name");
-  else if (const std::size_t first = first_named_like(things, i); first != i)
-    found.error(key, "\"{}\" is the name of {}[{}] too; names must differ", things[i].name, section, first);
+void check_servo(const WallMotion& m, const std::string& key, Findings& found) {
+  if (m.force.has_value() == m.torque.has_value())
+    found.error(key, "has {}; a servo needs exactly one of force and torque",
+                m.force ? "force and torque" : "neither force nor torque");
+  if (m.force) found.finite(key + ".force", *m.force, "N");
+  if (m.torque) found.finite(key + ".torque", *m.torque, "N m");
+  found.positive(key + ".gain", m.gain, m.torque ? "rad/(s N m)" : "m/(s N)");
+  found.positive(key + ".max_speed", m.max_speed, m.torque ? "rad/s" : "m/s");
+  found.not_negative(key + ".mass", m.mass, m.torque ? "kg m2" : "kg");
+}
+
+void check_motion(const WallMotion& m, const std::string& key, Findings& found) {
+  using Kind = WallMotion::Kind;
+  if (m.kind != Kind::translate) check_direction(key + ".axis", m.axis, found);
+  if (m.turns()) found.finite(key + ".origin", m.origin, "m");
+  check_schedule(m.ramp, key + ".ramp", found);
+  check_schedule(m.places, key + ".places", found);
+  check_schedule(m.angles, key + ".angles", found);
+  if (m.kind == Kind::translate) {
+    found.finite(key + ".velocity", m.velocity, "m/s");
+    if (!m.places.empty() && (m.velocity != Vec3{} || !m.ramp.empty()))
+      found.error(key + ".places", "goes without velocity and ramp: it says where the wall is at any time");
+  }
+  if (m.kind == Kind::rotate) {
+    found.finite(key + ".speed", m.speed, "rad/s");
+    if (!m.angles.empty() && (m.speed != 0.0 || !m.ramp.empty()))
+      found.error(key + ".angles", "goes without speed and ramp: it says how far the wall has turned at any time");
+  }
+  if (m.kind == Kind::vibrate || m.kind == Kind::swing) {
+    found.finite(key + ".amplitude", m.amplitude, m.kind == Kind::vibrate ? "m" : "rad");
+    found.not_negative(key + ".frequency", m.frequency, "Hz");
+    found.finite(key + ".phase", m.phase, "rad");
+  }
+  if (m.kind == Kind::servo) check_servo(m, key, found);
+}
+
+void check_motions(const Scene& scene, const WallDefinition& wall, const std::string& key, Findings& found) {
+  int n_servos = 0;
+  for (std::size_t m = 0; m < wall.motion.size(); ++m) {
+    const std::string name = fmt::format("{}.motion[{}]", key, m);
+    check_motion(wall.motion[m], name, found);
+    n_servos += wall.motion[m].kind == WallMotion::Kind::servo ? 1 : 0;
+    if (n_servos > 1) found.error(name, "is a second servo; a wall can have one");
+    const bool leaves_plane = wall.motion[m].turns() && (wall.motion[m].axis.x != 0.0 || wall.motion[m].axis.y != 0.0);
+    if (scene.domain.dimensions == 2 && leaves_plane)
+      found.error(name + ".axis", "is {}; in two dimensions walls turn about \"z\"", text(wall.motion[m].axis));
+  }
+  if (!wall.motion.empty() && wall.symmetry)
+    found.error(key + ".motion", "does not go with symmetry: a mirror stays where it is");
+}
+
+void check_mixing(const Scene& scene, const Probe& probe, const std::string& key, Findings& found) {
+  std::vector<std::string> names;
+  for (const Material& material : scene.materials) names.push_back(material.name);
+  if (probe.material.empty())
+    found.error(key + ".material", "missing: kind = \"mixing\" needs the name of a material; materials: {}",
+                listing(names));
+  else if (scene.material_index(probe.material) < 0)
+    found.error(key + ".material", "\"{}\" is not a material{}", probe.material, nearest(probe.material, names));
 }
 
 void check_probe_kind(const Scene& scene, const Probe& probe, const std::string& key, Findings& found) {
   using Kind = Probe::Kind;
   const bool needs_wall = probe.kind == Kind::wall_force || probe.kind == Kind::wall_pressure;
-  const bool has_bins = probe.kind == Kind::wall_pressure || probe.kind == Kind::profile;
+  const bool has_bins = probe.kind == Kind::wall_pressure || probe.kind == Kind::profile || probe.kind == Kind::mixing;
   if (needs_wall) {
     std::vector<std::string> names;
     for (const WallDefinition& wall : scene.walls) names.push_back(wall.name);
@@ -117,7 +169,9 @@ void check_probe_kind(const Scene& scene, const Probe& probe, const std::string&
   if (has_bins && probe.bins < 1) found.error(key + ".bins", "is {}; expected 1 or more", probe.bins);
   if (has_bins && (probe.axis < 0 || probe.axis > 2))
     found.error(key + ".axis", "is {}; expected x, y or z (0, 1 or 2)", probe.axis);
-  const bool has_region = probe.kind == Kind::region || probe.kind == Kind::profile || probe.kind == Kind::gas_profile;
+  const bool has_region = probe.kind == Kind::region || probe.kind == Kind::profile ||
+                          probe.kind == Kind::gas_profile || probe.kind == Kind::mixing;
+  if (probe.kind == Kind::mixing) check_mixing(scene, probe, key, found);
   if (has_region && found.box(key + ".region", probe.region) && is_usable(scene.domain) &&
       !meets(probe.region, scene.domain.box()))
     found.error(key + ".region", "reaches from {} m, nowhere inside the domain, {} m", text(probe.region),
@@ -180,6 +234,16 @@ void check_gas_probe(const Scene& scene, const Probe& probe, const std::string& 
 
 }  // namespace
 
+void check_plane(const PlaneShape& plane, const std::string& key, const Domain& domain, Findings& found) {
+  check_shape(plane, key, domain, found);
+}
+void check_disc(const DiscShape& disc, const std::string& key, const Domain& domain, Findings& found) {
+  check_shape(disc, key, domain, found);
+}
+void check_mesh(const MeshShape& mesh, const std::string& key, const Domain& domain, Findings& found) {
+  check_shape(mesh, key, domain, found);
+}
+
 void check_walls(const Scene& scene, Findings& found) {
   std::vector<std::string> materials;
   for (const Material& material : scene.materials) materials.push_back(material.name);
@@ -195,29 +259,10 @@ void check_walls(const Scene& scene, Findings& found) {
     std::visit([&](const auto& shape) { check_shape(shape, key, scene.domain, found); }, wall.shape);
     if (wall.symmetry && !std::holds_alternative<PlaneShape>(wall.shape))
       found.error(key + ".symmetry", "is true; only a plane can be a symmetry plane");
+    check_motions(scene, wall, key, found);
     const bool has_from = found.finite(key + ".from", wall.from, "s");
     if (std::isnan(wall.until) || (has_from && wall.until <= wall.from))
       found.error(key + ".until", "is {}; expected more than from = {} [s]", wall.until, wall.from);
-  }
-}
-
-void check_outlets(const Scene& scene, Findings& found) {
-  for (std::size_t i = 0; i < scene.outlets.size(); ++i) {
-    const Outlet& outlet = scene.outlets[i];
-    const std::string key = fmt::format("outlet[{}]", i);
-    check_name(scene.outlets, i, "outlet", found);
-    if (const auto* box = std::get_if<Box>(&outlet.where)) {
-      if (found.box(key + ".box", *box) && is_usable(scene.domain) && !meets(*box, scene.domain.box()))
-        found.error(key + ".box", "reaches from {} m, nowhere inside the domain, {} m", text(*box),
-                    text(scene.domain.box()));
-      continue;
-    }
-    const int face = std::get<int>(outlet.where);
-    if (face < 0 || face > 5)
-      found.error(key + ".face", "is {}; expected 0 to 5 (x-low, x-high, y-low, y-high, z-low, z-high)", face);
-    else if (scene.domain.periodic[static_cast<std::size_t>(face / 2)])
-      found.error(key + ".face", "is \"{}\", but the domain is periodic along {}: nothing ever leaves there",
-                  face_name(face), axis_names[face / 2]);
   }
 }
 

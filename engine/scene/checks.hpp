@@ -78,11 +78,45 @@ const char* face_name(int face);
 /// Smallest and largest diameter that a group can give [m]; zeros where it says nothing usable.
 std::pair<double, double> diameter_range(const ParticleGroup& group);
 
+/// Whether two boxes have a point in common, faces included.
+bool meets(const Box& a, const Box& b);
+
+/// Diameters of a distribution.
+void check_sizes(const SizeDistribution& sizes, const std::string& key, Findings& found);
+/// A region that lies in the domain; false where it cannot be used. `key` is that of the region.
+bool check_region(const Scene& scene, const Region& region, const std::string& key, Findings& found);
+/// Room in a region, given by the box around it, for a diameter.
+void check_room(const Box& bounds, double largest, const std::string& key, const Domain& domain, Findings& found);
+Box bounds(const Region& region);
+
+// Shapes; `key` is that of what has the shape.
+void check_plane(const PlaneShape& plane, const std::string& key, const Domain& domain, Findings& found);
+void check_disc(const DiscShape& disc, const std::string& key, const Domain& domain, Findings& found);
+void check_mesh(const MeshShape& mesh, const std::string& key, const Domain& domain, Findings& found);
+
+/// Index of the first thing of the same name before i, or i.
+template <class Things>
+std::size_t first_named_like(const Things& things, std::size_t i) {
+  for (std::size_t j = 0; j < i; ++j)
+    if (things[j].name == things[i].name) return j;
+  return i;
+}
+
+template <class Things>
+void check_name(const Things& things, std::size_t i, const std::string& section, Findings& found) {
+  const std::string key = fmt::format("{}[{}].name", section, i);
+  if (things[i].name.empty())
+    found.error(key, "is empty; give it a name");
+  else if (const std::size_t first = first_named_like(things, i); first != i)
+    found.error(key, "\"{}\" is the name of {}[{}] too; names must differ", things[i].name, section, first);
+}
+
 void check_materials(const Scene& scene, Findings& found);
 void check_contact(const Scene& scene, Findings& found);
 void check_particles(const Scene& scene, Findings& found);
 void check_walls(const Scene& scene, Findings& found);
 void check_outlets(const Scene& scene, Findings& found);
+void check_inlets(const Scene& scene, Findings& found);
 void check_gas(const Scene& scene, Findings& found);
 void check_probes(const Scene& scene, Findings& found);
 

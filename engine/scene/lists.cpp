@@ -47,6 +47,27 @@ ListFacts facts_of(const ListedGrains& list) {
   return facts;
 }
 
+std::vector<bool> grain_materials(const Scene& scene) {
+  std::vector<bool> is_grain(scene.materials.size(), false);
+  const auto add = [&](const std::string& name) {
+    if (const int m = scene.material_index(name); m >= 0) is_grain[static_cast<std::size_t>(m)] = true;
+  };
+  const auto add_list = [&](const ListedGrains& list) {
+    const ListFacts facts = facts_of(list);
+    for (std::size_t m = 0; m < is_grain.size(); ++m)
+      if (facts.uses(m)) is_grain[m] = true;
+  };
+  for (const ParticleGroup& group : scene.particles) {
+    add(group.material);
+    if (const auto* listed = std::get_if<ListedGrains>(&group.fill)) add_list(*listed);
+  }
+  for (const Inlet& inlet : scene.inlets) {
+    add(inlet.material);
+    if (inlet.list) add_list(*inlet.list);
+  }
+  return is_grain;
+}
+
 void share_facts(const World& world, ListedGrains& list) {
   if (world.is_alone()) return;
   ExactSum diameters;

@@ -200,6 +200,35 @@ struct MeshShape {
   TriangleMesh mesh;
 };
 
+/// One motion of a wall; the wall is as described where it has not moved. The motions of a wall are carried out one after the other:
+/// a later one takes along where the earlier ones have brought the wall. Axes and origins are fixed in space.
+struct WallMotion {
+  enum class Kind {
+    translate,  // with `velocity`, or through `places`
+    rotate,     // with `speed`, or through `angles`
+    vibrate,    // by amplitude sin(2 pi frequency t + phase) along `axis`
+    swing,      // by the same angle about the axis through `origin`
+    servo,      // along, or about, the axis until the grains push with `force` or turn with `torque`
+  };
+  Kind kind = Kind::translate;
+  Vec3 velocity;                              // [m/s]
+  std::vector<std::array<double, 4>> places;  // [s], [m] displacement; straight between, resting beyond
+  Vec3 origin;                                // [m] of rotate, swing, and a servo that turns
+  Vec3 axis{0, 0, 1};
+  double speed = 0.0;                         // [rad/s] right-handed about the axis
+  std::vector<std::array<double, 2>> angles;  // [s], [rad]; straight between, resting beyond
+  std::vector<std::array<double, 2>> ramp;    // [s], [-] factor on velocity or speed; straight between, constant beyond
+  double amplitude = 0.0;                     // [m], or [rad] of swing
+  double frequency = 0.0;                     // [Hz]
+  double phase = 0.0;                         // [rad]
+  std::optional<double> force;                // [N] servo: what the grains are to push with along the axis
+  std::optional<double> torque;               // [N m] servo: about it
+  double gain = 0.0;                          // [m/(s N)] or [rad/(s N m)] servo: speed per missing force or torque
+  double max_speed = 0.0;                     // [m/s] or [rad/s] servo
+  double mass = 0.0;                          // [kg] or [kg m2] servo: inertia against changes of the speed
+  bool turns() const { return kind == Kind::rotate || kind == Kind::swing || (kind == Kind::servo && torque); }
+};
+
 struct WallDefinition {
   std::string name;
   std::string material;
@@ -208,12 +237,55 @@ struct WallDefinition {
   bool symmetry = false;    // planes only: a mirror; grains meet their own image, without friction
   double from = 0.0;        // [s] the wall exists from this time ...
   double until = infinity;  // [s] ... until this time
+  std::vector<WallMotion> motion = {};
+  bool has_servo() const {
+    for (const WallMotion& m : motion)
+      if (m.kind == WallMotion::Kind::servo) return true;
+    return false;
+  }
 };
 
-/// Grains whose centre passes a domain face, or lies in a box, leave the scene.
+/// Where grains leave the scene: as their centre passes a face of the domain or lies behind a plane, as it lies in a region, or as it
+/// crosses a disc or a mesh.
 struct Outlet {
   std::string name;
-  std::variant<int, Box> where;  // face: 0 x-low, 1 x-high, 2 y-low, 3 y-high, 4 z-low, 5 z-high
+  // face: 0 x-low, 1 x-high, 2 y-low, 3 y-high, 4 z-low, 5 z-high
+  std::variant<int, Box, CylinderRegion, SphereRegion, PlaneShape, DiscShape, MeshShape> where;
+  double from = 0.0;          // [s] it is open from this time ...
+  double until = infinity;    // [s] ... until this time
+  bool is_once = false;       // open in one step only, that in which `from` is reached
+  std::string recycles = {};  // inlet through which its grains come back; empty: none
+};
+
+/// A flat polygon, its corners in order around it.
+struct PolygonShape {
+  std::vector<Vec3> points;  // [m]
+};
+
+/// Where grains are born while the scene runs. Grains lie wholly inside a region, or with their centre on a disc or polygon and
+/// wholly inside its rim. What it owes but finds no room for stays owed.
+struct Inlet {
+  std::string name;
+  std::string material;
+  SizeDistribution diameter;
+  std::variant<BoxRegion, CylinderRegion, SphereRegion, DiscShape, PolygonShape> where;
+  // What it gives; at most one of these, and none only where outlets recycle into it.
+  std::optional<double> number_rate;          // [1/s]
+  std::optional<double> mass_rate;            // [kg/s]
+  std::optional<std::int64_t> fill_count;     // so many grains are to be inside the region
+  std::optional<double> fill_mass;            // [kg] so much is to be inside
+  std::optional<double> fill_solid_fraction;  // [-] so much of the region is to be filled
+  std::optional<ListedGrains> list;           // these, each at its place
+  // No more than that altogether; recycled grains do not count.
+  std::optional<std::int64_t> total_count;
+  std::optional<double> total_mass;  // [kg]
+  double from = 0.0;                 // [s]
+  double until = infinity;           // [s]
+  double interval = 0.0;             // [s] between births; 0: as soon as a grain is owed (rates), else chosen
+  Vec3 velocity;                     // [m/s]
+  double velocity_deviation = 0.0;   // [m/s] standard deviation of each velocity component around `velocity`
+  Vec3 angular_velocity;             // [rad/s]
+  std::uint64_t seed = 1;
 };
 
 /// What the gas meets on a face of the domain, or on a part of one. Faces count as in Outlet. Where nothing is given the gas meets a
@@ -266,6 +338,7 @@ struct Probe {
     bed_height,     // height along `axis` below which `share` of the grains' mass lies, and their mean height
     gas_profile,    // averages over time since `from` in the layers of cells of `region` along `axis`
     gas_mean,       // averages over time since `from` in every cell, kept with snapshots and checkpoints
+    mixing,  // how well grains of `material` are mixed with the others in cells of `region`, `bins` along its longest side
   };
   Kind kind = Kind::energy;
   std::string name;
@@ -278,6 +351,7 @@ struct Probe {
   std::optional<std::array<double, 2>> between;  // [m] along the axis; none: the faces of the domain
   double share = 0.95;                           // [-]
   double from = 0.0;                             // [s]
+  std::string material = {};
 };
 /// As a scene file has it: "wall_force".
 const char* name_of(Probe::Kind kind);
@@ -318,6 +392,7 @@ struct Scene {
   std::vector<ParticleGroup> particles;
   std::vector<WallDefinition> walls;
   std::vector<Outlet> outlets;
+  std::vector<Inlet> inlets;
   std::optional<Gas> gas;
   Output output;
   RunControl run;

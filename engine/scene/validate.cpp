@@ -31,6 +31,12 @@ bool Findings::box(const std::string& key, const Box& box) {
   return is_good;
 }
 
+bool meets(const Box& a, const Box& b) {
+  for (int axis = 0; axis < 3; ++axis)
+    if (a.low[axis] > b.high[axis] || a.high[axis] < b.low[axis]) return false;
+  return true;
+}
+
 bool is_usable(const Domain& domain) {
   for (int axis = 0; axis < 3; ++axis)
     if (!std::isfinite(domain.low[axis]) || !std::isfinite(domain.high[axis]) ||
@@ -210,6 +216,7 @@ std::vector<Problem> validate(const Scene& scene, const World& world) {
   checks::check_particles(scene, found);
   checks::check_walls(scene, found);
   checks::check_outlets(scene, found);
+  checks::check_inlets(scene, found);
   checks::check_gas(scene, found);
   checks::check_that_something_holds_the_grains(scene, found);
   checks::check_output(scene, found);

@@ -14,7 +14,7 @@ bool is_finite(Vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std:
 Surface make_plane(Vec3 point, Vec3 normal, bool is_mirror) {
   Surface surface;
   surface.kind = is_mirror ? SurfaceKind::mirror : SurfaceKind::plane;
-  surface.point = surface.centre = point;
+  surface.point = point;
   surface.axis = normal;
   return surface;
 }
@@ -22,7 +22,7 @@ Surface make_plane(Vec3 point, Vec3 normal, bool is_mirror) {
 Surface make_round(SurfaceKind kind, Vec3 point, Vec3 axis, double radius_base, double radius_top, double length) {
   Surface surface;
   surface.kind = kind;
-  surface.point = surface.centre = point;
+  surface.point = point;
   surface.axis = axis;
   surface.radius_base = radius_base;
   surface.radius_top = radius_top;
@@ -103,12 +103,13 @@ class Walls::Builder {
     found.report.wall = static_cast<std::int32_t>(wall_);
     walls_.reports_.push_back(std::move(found.report));
     const Box& extent = walls_.meshes_.back().extent();
-    surface.point = surface.centre = 0.5 * (extent.low + extent.high);
+    surface.point = 0.5 * (extent.low + extent.high);
     add_surface(surface);
   }
 
   void add_surface(Surface surface, std::optional<Box> bounds = std::nullopt) {
     surface.wall = static_cast<std::int32_t>(wall_);
+    walls_.home_.push_back(surface);
     walls_.surfaces_.push_back(surface);
     walls_.from_.push_back(definition_->from);
     walls_.until_.push_back(definition_->until);
@@ -143,7 +144,101 @@ class Walls::Builder {
   std::vector<Problem> problems_;
 };
 
-Walls::Walls(const Scene& scene) { Builder(scene, *this); }
+Walls::Walls(const Scene& scene) : domain_(scene.domain.box()) {
+  Builder(scene, *this);
+  for (const WallDefinition& wall : scene.walls) {
+    Mover mover;
+    mover.motions = wall.motion;
+    mover.is_moving = !wall.motion.empty();
+    if (wall.has_servo()) {
+      mover.servo = static_cast<int>(servo_walls_.size());
+      servo_walls_.push_back(static_cast<std::int32_t>(movers_.size()));
+      servo_states_.emplace_back();
+    }
+    is_any_moving_ = is_any_moving_ || mover.is_moving;
+    movers_.push_back(std::move(mover));
+  }
+}
+
+void Walls::move_to(double time, double dt) {
+  if (!is_any_moving_) return;
+  for (Mover& mover : movers_) {
+    if (!mover.is_moving) continue;
+    const ServoState servo = mover.servo < 0 ? ServoState{} : servo_states_[static_cast<std::size_t>(mover.servo)];
+    const WallState now = state_of(mover.motions, time, servo);
+    mover.before = mover.pose;
+    mover.pose = now.pose;
+    mover.now = now.velocity;
+    ServoState late = servo;
+    late.place -= 0.5 * dt * late.speed;
+    mover.late = time > 0.0 ? state_of(mover.motions, time - 0.5 * dt, late).velocity : now.velocity;
+  }
+  for (std::size_t s = 0; s < surfaces_.size(); ++s) {
+    const Mover& mover = movers_[static_cast<std::size_t>(surfaces_[s].wall)];
+    if (!mover.is_moving || surfaces_[s].kind == SurfaceKind::mesh) continue;
+    surfaces_[s].point = mover.pose.to_world(home_[s].point);
+    surfaces_[s].axis = mover.pose.turn(home_[s].axis);
+  }
+}
+
+double Walls::distance_come(std::size_t s, const Pose& from, const Pose& to) const {
+  const Surface& surface = home_[s];
+  double most = 0.0;
+  if (surface.kind == SurfaceKind::mesh) {
+    // What a point moves by is linear in its place at home: most at a corner of the mesh's box.
+    const Box& box = meshes_[static_cast<std::size_t>(surface.mesh)].extent();
+    for (int k = 0; k < 8; ++k)
+      most = std::max(most, length(to.to_world(corner_of(box, k)) - from.to_world(corner_of(box, k))));
+    return most;
+  }
+  const Vec3 old_point = from.to_world(surface.point), new_point = to.to_world(surface.point);
+  const Vec3 old_axis = from.turn(surface.axis), new_axis = to.turn(surface.axis);
+  if (surface.kind == SurfaceKind::plane) {
+    // The distance from a plane is linear in the place: it changes most at a corner of the domain.
+    for (int k = 0; k < 8; ++k) {
+      const Vec3 x = corner_of(domain_, k);
+      most = std::max(most, std::abs(dot(new_axis, x - new_point) - dot(old_axis, x - old_point)));
+    }
+    return most;
+  }
+  // A surface of revolution: its axis is moved, then tilted about its point; no part of it moves further than the tilt of the chord
+  // times its distance from that point.
+  const double radius = std::max(surface.radius_base, surface.radius_top);
+  double extent = std::hypot(surface.length, radius);
+  if (!std::isfinite(extent)) {
+    extent = 0.0;
+    for (int k = 0; k < 8; ++k) extent = std::max(extent, length(corner_of(domain_, k) - old_point) + radius);
+  }
+  return length(new_point - old_point) + extent * length(new_axis - old_axis);
+}
+
+double Walls::wander() const {
+  double most = 0.0;
+  for (std::size_t s = 0; is_any_moving_ && s < home_.size(); ++s) {
+    const Mover& mover = movers_[static_cast<std::size_t>(home_[s].wall)];
+    if (mover.is_moving) most = std::max(most, distance_come(s, mover.marked, mover.pose));
+  }
+  return most;
+}
+
+double Walls::last_wander() const {
+  double most = 0.0;
+  for (std::size_t s = 0; is_any_moving_ && s < home_.size(); ++s) {
+    const Mover& mover = movers_[static_cast<std::size_t>(home_[s].wall)];
+    if (mover.is_moving) most = std::max(most, distance_come(s, mover.before, mover.pose));
+  }
+  return most;
+}
+
+void Walls::mark() {
+  for (Mover& mover : movers_) mover.marked = mover.pose;
+}
+
+const WallMotion& Walls::servo(std::size_t number) const {
+  const std::vector<WallMotion>& motions = movers_[static_cast<std::size_t>(servo_walls_[number])].motions;
+  return *std::find_if(motions.begin(), motions.end(),
+                       [](const WallMotion& m) { return m.kind == WallMotion::Kind::servo; });
+}
 
 MeshView Walls::mesh(std::int32_t index) const { return meshes_[static_cast<std::size_t>(index)].view(); }
 
@@ -162,8 +257,8 @@ double Walls::next_change(double time) const {
 
 double Walls::area(std::int32_t wall, const Box& clip) const {
   double area = 0.0;
-  for (std::size_t s = 0; s < surfaces_.size(); ++s) {
-    const Surface& surface = surfaces_[s];
+  for (std::size_t s = 0; s < home_.size(); ++s) {
+    const Surface& surface = home_[s];
     if (surface.wall != wall) continue;
     if (surface.kind == SurfaceKind::mesh)
       area += meshes_[static_cast<std::size_t>(surface.mesh)].area(clip);
@@ -175,8 +270,8 @@ double Walls::area(std::int32_t wall, const Box& clip) const {
 
 Box Walls::extent(std::int32_t wall, const Box& domain) const {
   Box extent = Box::empty();
-  for (std::size_t s = 0; s < surfaces_.size(); ++s) {
-    const Surface& surface = surfaces_[s];
+  for (std::size_t s = 0; s < home_.size(); ++s) {
+    const Surface& surface = home_[s];
     if (surface.wall != wall) continue;
     const Box part = surface.kind == SurfaceKind::mesh
                          ? common_part(meshes_[static_cast<std::size_t>(surface.mesh)].extent(), domain)
@@ -205,7 +300,9 @@ void Walls::find_candidates(const double* records, std::int64_t stride, std::int
         continue;
       }
       const auto first = static_cast<std::int32_t>(found.triangles.size());
-      meshes_[static_cast<std::size_t>(surface.mesh)].find(centre, near, found.triangles);
+      const Mover& mover = movers_[static_cast<std::size_t>(surface.wall)];
+      const Vec3 seen = mover.is_moving ? mover.pose.to_home(centre) : centre;
+      meshes_[static_cast<std::size_t>(surface.mesh)].find(seen, near, found.triangles);
       const auto n = static_cast<std::int32_t>(found.triangles.size()) - first;
       if (n > 0) found.list.push_back({grain, s, first, n});
     }

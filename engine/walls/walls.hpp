@@ -9,6 +9,7 @@
 #include "engine/scene/scene.hpp"
 #include "engine/walls/mesh_report.hpp"
 #include "engine/walls/mesh_surface.hpp"
+#include "engine/walls/motion.hpp"
 #include "kernels/base/box.hpp"
 #include "kernels/search/surface.hpp"
 
@@ -34,6 +35,7 @@ class Walls {
   /// and duplicate triangles of meshes are left out. Throws SceneError with every shape that cannot be used.
   explicit Walls(const Scene& scene);
 
+  /// Analytic surfaces are where they are now; a mesh stays at home, and grains are seen from there (pose()).
   std::span<const Surface> surfaces() const { return surfaces_; }
   MeshView mesh(std::int32_t index) const;
   /// What was found in the mesh of each mesh wall, in order of the walls; open edges (a hopper's two rims) are no error.
@@ -42,10 +44,39 @@ class Walls {
   bool is_active(std::int32_t surface, double time) const;
   /// The next time after `time` at which a wall appears or vanishes [s]; infinity where there is none.
   double next_change(double time) const;
-  /// Area of the part of a wall inside `clip` [m2], whose faces belong to it.
+  /// Area of the part of a wall, at home, inside `clip` [m2], whose faces belong to it.
   double area(std::int32_t wall, const Box& clip) const;
-  /// The part of a wall's bounding box inside `domain` [m]; Box::empty() where nothing of it is inside.
+  /// The part of the bounding box of a wall, at home, inside `domain` [m]; Box::empty() where nothing of it is inside.
   Box extent(std::int32_t wall, const Box& domain) const;
+
+  // Moving walls. They begin at home; whoever runs a scene moves them to its time.
+
+  bool is_any_moving() const { return is_any_moving_; }
+  bool is_moving(std::int32_t surface) const { return movers_[wall_of(surface)].is_moving; }
+  /// Moves all walls to a time; `dt` [s]: the velocities that contacts see are those half a step before, as those of the grains are
+  /// (at time 0, of that time).
+  void move_to(double time, double dt);
+  const Pose& pose(std::int32_t surface) const { return movers_[wall_of(surface)].pose; }
+  const Pose& wall_pose(std::int32_t wall) const { return movers_[static_cast<std::size_t>(wall)].pose; }
+  /// As contacts see it: half a step late.
+  const WallVelocity& velocity(std::int32_t surface) const { return movers_[wall_of(surface)].late; }
+  /// At the time of the pose.
+  const WallVelocity& velocity_now(std::int32_t surface) const { return movers_[wall_of(surface)].now; }
+  /// No surface has come nearer to any place in the domain by more than this since mark() [m], as a shape: a cylinder that turns about
+  /// its own axis stays where it is.
+  double wander() const;
+  /// The same since the last move_to().
+  double last_wander() const;
+  void mark();
+
+  // Servos, in order of the walls that have one.
+
+  std::span<const std::int32_t> servo_walls() const { return servo_walls_; }
+  const WallMotion& servo(std::size_t number) const;
+  std::span<ServoState> servo_states() { return servo_states_; }
+  std::span<const ServoState> servo_states() const { return servo_states_; }
+  /// Number of the servo of a surface's wall, or -1.
+  int servo_of(std::int32_t surface) const { return movers_[wall_of(surface)].servo; }
 
   /// Appends to `found` the candidates of grains [begin, end) among active surfaces: those nearer than radius + reach.
   /// `records`: position and radius are the first four doubles of each grain's record of `stride` doubles.
@@ -55,8 +86,25 @@ class Walls {
 
  private:
   class Builder;
+  struct Mover {
+    std::vector<WallMotion> motions;
+    bool is_moving = false;
+    int servo = -1;
+    Pose pose, before, marked;  // now, before the last move, when marked
+    WallVelocity now, late;
+  };
+  std::size_t wall_of(std::int32_t surface) const {
+    return static_cast<std::size_t>(surfaces_[static_cast<std::size_t>(surface)].wall);
+  }
+  double distance_come(std::size_t surface, const Pose& from, const Pose& to) const;
 
-  std::vector<Surface> surfaces_;
+  std::vector<Surface> surfaces_;  // as they are now
+  std::vector<Surface> home_;      // as the scene describes them
+  std::vector<Mover> movers_;      // of each wall
+  bool is_any_moving_ = false;
+  std::vector<std::int32_t> servo_walls_;
+  std::vector<ServoState> servo_states_;
+  Box domain_;
   std::vector<double> from_, until_;        // [s] of each surface
   std::vector<std::optional<Box>> bounds_;  // of each surface: that of its wall, where the shape is a box
   std::vector<MeshSurface> meshes_;

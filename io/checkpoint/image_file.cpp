@@ -193,8 +193,8 @@ std::uint64_t common_room(const Content& content, std::uint64_t header_bytes) {
   constexpr std::uint64_t for_structure = 32768, per_dataset = 1024;
   std::uint64_t bytes = header_bytes + for_structure;
   for (const Table& table : content.tables) bytes += per_dataset * table.columns.size();
-  if (content.record == nullptr) return bytes;
-  bytes += content.record->scene.size() + content.record->version.size() + content.record->commit.size();
+  if (content.record != nullptr)
+    bytes += content.record->scene.size() + content.record->version.size() + content.record->commit.size();
   for (const auto& [name, values] : content.image->accumulators)
     bytes += per_dataset + 3 * name.size() + values.size() * sizeof(double);
   return bytes;
@@ -236,10 +236,11 @@ void write_frame(Hdf5Writer& file, const Image& image, const std::string& kind, 
 
 /// What is the same on all ranks besides the frame.
 void write_common(Hdf5Writer& file, const Content& content) {
-  if (content.record == nullptr) return;
-  file.attribute("version", content.record->version);
-  file.attribute("commit", content.record->commit);
-  file.text("scene", content.record->scene);
+  if (content.record != nullptr) {
+    file.attribute("version", content.record->version);
+    file.attribute("commit", content.record->commit);
+    file.text("scene", content.record->scene);
+  }
   for (const auto& [name, values] : content.image->accumulators) file.dataset("accumulators/" + encoded(name), values);
 }
 
@@ -475,6 +476,8 @@ Image read_grains(const Hdf5Reader& file, const World& world, std::vector<std::s
   for (const FieldInfo& row : field_table)
     if (file.exists(form_of(row).name)) image.fields.push_back(read_field(file, row, image.n_grains, range));
   image.grids = read_grids(file, world);
+  for (const std::string& name : file.children("accumulators"))
+    image.accumulators[decoded(name)] = file.reals("accumulators/" + name);
   return image;
 }
 
@@ -494,9 +497,6 @@ void read_history(const Hdf5Reader& file, Image& image, const World& world) {
   };
   for_wall_columns(read_walls);
   if (file.exists(wall_energy.name)) read_walls(wall_energy, energy_in);
-
-  for (const std::string& name : file.children("accumulators"))
-    image.accumulators[decoded(name)] = file.reals("accumulators/" + name);
 }
 
 RunRecord read_record(const Hdf5Reader& file) {

@@ -16,19 +16,10 @@ namespace fs = std::filesystem;
 
 namespace {
 
-const std::vector<std::string> energy_columns = {"time [s]",
-                                                 "kinetic [J]",
-                                                 "rotational [J]",
-                                                 "elastic_normal [J]",
-                                                 "elastic_tangential [J]",
-                                                 "potential [J]",
-                                                 "lost_normal [J]",
-                                                 "lost_tangential [J]",
-                                                 "lost_friction [J]",
-                                                 "lost_drag [J]",
-                                                 "left [J]",
-                                                 "total [J]",
-                                                 "error [J]"};
+const std::vector<std::string> energy_columns = {
+    "time [s]",      "kinetic [J]",     "rotational [J]",      "elastic_normal [J]", "elastic_tangential [J]",
+    "potential [J]", "lost_normal [J]", "lost_tangential [J]", "lost_friction [J]",  "lost_drag [J]",
+    "left [J]",      "wall_work [J]",   "total [J]",           "error [J]"};
 
 const std::vector<std::string> balance_columns = {"time [s]", "rank",           "node",       "grains",
                                                   "pairs",    "work over mean", "threads",    "grain phases [s]",
@@ -52,15 +43,16 @@ std::vector<double> balance_values(const BalanceRow& row) {
 std::vector<double> energy_values(double time, const EnergyLedger& e) {
   return {time,        e.kinetic,     e.rotational,      e.elastic_normal, e.elastic_tangential,
           e.potential, e.lost_normal, e.lost_tangential, e.lost_friction,  e.lost_drag,
-          e.left,      e.total(),     e.error()};
+          e.left,      e.wall_work,   e.total(),         e.error()};
 }
 
 std::string energy_line(double time, const EnergyLedger& e) {
-  const double scale = std::max({std::abs(e.initial), std::abs(e.total()), std::abs(e.lost())});
+  const double scale = std::max({std::abs(e.initial), std::abs(e.total()), std::abs(e.lost()), std::abs(e.wall_work)});
   return fmt::format(
       "energy at {:.6g} s: kinetic {:.6g} J, rotational {:.6g} J, elastic {:.6g} J, potential {:.6g} J, lost {:.6g} J, "
-      "error {:.3g} J ({:.2g} of the largest)",
-      time, e.kinetic, e.rotational, e.elastic_normal + e.elastic_tangential, e.potential, e.lost(), e.error(),
+      "{}error {:.3g} J ({:.2g} of the largest)",
+      time, e.kinetic, e.rotational, e.elastic_normal + e.elastic_tangential, e.potential, e.lost(),
+      e.wall_work != 0.0 ? fmt::format("from walls {:.6g} J, ", e.wall_work) : "", e.error(),
       scale > 0.0 ? std::abs(e.error()) / scale : 0.0);
 }
 

@@ -289,6 +289,7 @@ class RunLoop {
     times_.particle_steps += static_cast<double>(simulation_.n_grains());
     ++times_.n_steps;
     say_what_balance_did();
+    for (const std::string& note : simulation_.take_notes()) log_.warn(note);
     if (outputs_) outputs_->write_due(simulation_);
     if (times_.n_warm_up < request_.warm_up && times_.n_steps == request_.warm_up) end_warm_up();
   }

@@ -59,8 +59,7 @@ class Drawing {
     for (Vec3& v : s.mesh.vertices) v = point(v);
     return s;
   }
-  std::vector<WallDefinition> walls(const Scene& scene) const {
-    std::vector<WallDefinition> drawn = scene.walls;
+  std::vector<WallDefinition> walls(std::vector<WallDefinition> drawn) const {
     for (WallDefinition& wall : drawn)
       wall.shape = std::visit([this](const auto& shape) { return decltype(wall.shape)((*this)(shape)); }, wall.shape);
     return drawn;
@@ -278,7 +277,7 @@ std::string povray_text(const Image& image, const Scene* scene, const PictureSty
   const Camera camera = frame_box(box, azimuth, elevation, style.aspect, legend_share, is_seen_flat);
   std::string text = head_text() + camera_text(camera, style.aspect) + light_text(camera, box) + palette_text();
   if (scene == nullptr || scene->walls.empty()) text += povray_edges(box, 0.01, "edge");
-  if (scene != nullptr) text += povray_walls(drawing.walls(*scene), box, camera, image.time);
+  if (scene != nullptr) text += povray_walls(drawing.walls(moved_walls(scene->walls, image)), box, camera, image.time);
   text += grains_text(image, drawing, values.values, low, high);
   const double legend_left = right_end(camera, box) * style.aspect + 0.12;
   return text +

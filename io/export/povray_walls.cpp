@@ -174,7 +174,57 @@ class WallWriter {
   double radius_;
 };
 
+Vec3 vector_at(const std::vector<double>& numbers, std::size_t i) {
+  return {numbers[i], numbers[i + 1], numbers[i + 2]};
+}
+
+/// A shape as another place has it; a box becomes its faces where it is turned.
+class Mover {
+ public:
+  explicit Mover(const std::vector<double>& n)
+      : rows_{vector_at(n, 0), vector_at(n, 3), vector_at(n, 6)}, shift_(vector_at(n, 9)) {}
+  using Shape = decltype(WallDefinition::shape);
+  Shape operator()(const PlaneShape& s) const { return PlaneShape{place(s.point), turn(s.normal)}; }
+  Shape operator()(const CylinderShape& s) const {
+    return CylinderShape{place(s.base), turn(s.axis), s.radius, s.length};
+  }
+  Shape operator()(const ConeShape& s) const {
+    return ConeShape{place(s.base), turn(s.axis), s.radius_base, s.radius_top, s.length};
+  }
+  Shape operator()(const DiscShape& s) const {
+    return DiscShape{place(s.centre), turn(s.normal), s.radius, s.hole_radius};
+  }
+  Shape operator()(MeshShape s) const {
+    for (Vec3& vertex : s.mesh.vertices) vertex = place(vertex);
+    return s;
+  }
+  Shape operator()(const BoxShape& s) const {
+    if (turn({1, 0, 0}) == Vec3{1, 0, 0} && turn({0, 1, 0}) == Vec3{0, 1, 0})
+      return BoxShape{{s.box.low + shift_, s.box.high + shift_}};
+    MeshShape faces;
+    for (int i = 0; i < 8; ++i) faces.mesh.vertices.push_back(place(corner(s.box, i)));
+    faces.mesh.triangles = {{0, 1, 3}, {0, 3, 2}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
+                            {2, 3, 7}, {2, 7, 6}, {0, 2, 6}, {0, 6, 4}, {1, 3, 7}, {1, 7, 5}};
+    return faces;
+  }
+
+ private:
+  Vec3 turn(Vec3 v) const { return {dot(rows_[0], v), dot(rows_[1], v), dot(rows_[2], v)}; }
+  Vec3 place(Vec3 v) const { return turn(v) + shift_; }
+  std::array<Vec3, 3> rows_;
+  Vec3 shift_;
+};
+
 }  // namespace
+
+std::vector<WallDefinition> moved_walls(std::vector<WallDefinition> walls, const Image& image) {
+  for (WallDefinition& wall : walls) {
+    const auto pose = image.accumulators.find(pose_name(wall.name));
+    if (pose != image.accumulators.end() && pose->second.size() == 12)
+      wall.shape = std::visit(Mover(pose->second), wall.shape);
+  }
+  return walls;
+}
 
 std::string povray_vector(Vec3 v) { return fmt::format("<{:.9g},{:.9g},{:.9g}>", v.x, v.y, v.z); }
 

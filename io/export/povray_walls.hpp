@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/run/image.hpp"
 #include "engine/scene/scene.hpp"
 #include "io/export/camera.hpp"
 
@@ -11,6 +12,9 @@ namespace moraine {
 
 /// Surfaces translucent where they lie behind the grains or are meshes, edges as thin lines; what would hide the grains is left out.
 std::string povray_walls(const std::vector<WallDefinition>& walls, const Box& frame, const Camera& camera, double time);
+
+/// Moving walls where an image has them.
+std::vector<WallDefinition> moved_walls(std::vector<WallDefinition> walls, const Image& image);
 
 /// The edges of a box as thin lines.
 std::string povray_edges(const Box& box, double radius, const std::string& texture);

@@ -103,16 +103,20 @@ std::string edit_all(const std::string& text, const std::vector<std::string>& ov
 
 std::vector<Path> file_keys(const Node& root) {
   std::vector<Path> keys;
-  const auto add = [&](const char* list, const char* table) {
+  const auto add = [&](const char* list, const char* table) {  // table: empty where the entry itself names the file
     const Node* node = root.find(list);
     for (std::size_t i = 0; node && i < node->items.size(); ++i) {
-      const Path path = {{list, 0}, {"", i}, {table, 0}, {"file", 0}};
+      Path path = {{list, 0}, {"", i}};
+      if (*table) path.push_back({table, 0});
+      path.push_back({"file", 0});
       if (const Found found = follow(root, path); found.n_steps == path.size() && found.node->kind == Node::Kind::text)
         keys.push_back(path);
     }
   };
   add("particles", "fill");
   add("wall", "mesh");
+  add("outlet", "mesh");
+  add("inlet", "");
   return keys;
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <initializer_list>
 #include <limits>
 #include <sstream>
 #include <type_traits>
@@ -34,6 +35,7 @@ class Assembler {
     for (std::size_t i = 0; i < draft_.particles.size(); ++i) add_particles(i);
     for (std::size_t i = 0; i < draft_.walls.size(); ++i) add_wall(i);
     for (std::size_t i = 0; i < draft_.outlets.size(); ++i) add_outlet(i);
+    for (std::size_t i = 0; i < draft_.inlets.size(); ++i) add_inlet(i);
     if (draft_.gas) add_gas(*draft_.gas);
     for (std::size_t i = 0; i < draft_.probes.size(); ++i) add_probe(i);
     add_contact(pair_origin);
@@ -91,6 +93,7 @@ class Assembler {
     const ParticleDraft& draft = draft_.particles[i];
     const std::string path = fmt::format("particles[{}]", i);
     ParticleGroup group = draft.group;
+    group.diameter = draft.diameter;
     bool has_sizes = draft.has_diameter;
     if (draft.fill) {
       add_fill(*draft.fill, path + ".fill", group);
@@ -215,6 +218,8 @@ class Assembler {
     if (wall.material.empty() && wall.symmetry && !scene_.particles.empty())
       wall.material = scene_.particles[0].material;
     if (wall.material.empty()) reader_.complain_missing_key(path, "material", "wall");
+    for (std::size_t m = 0; m < wall.motion.size(); ++m)
+      refuse_stray_motion_keys(wall.motion[m], fmt::format("{}.motion[{}]", path, m));
     const bool has_one = expect_one(path,
                                     {{"plane", draft.plane.has_value()},
                                      {"box", draft.box.has_value()},
@@ -225,6 +230,27 @@ class Assembler {
                                     "shape");
     if (has_one) set_shape(draft, path, wall);
     scene_.walls.push_back(std::move(wall));
+  }
+
+  /// Keys that do nothing with this type of motion would mislead whoever wrote them.
+  void refuse_stray_motion_keys(const WallMotion& motion, const std::string& path) {
+    using Kind = WallMotion::Kind;
+    if (reader_.is_doubtful(path + ".type")) return;
+    const Found found = follow(reader_.root(), parse_path(path));
+    const auto goes_with = [&](const char* key, std::initializer_list<Kind> kinds, const char* words) {
+      if (found.node->find(key) && std::find(kinds.begin(), kinds.end(), motion.kind) == kinds.end())
+        reader_.complain_about(path + "." + key, fmt::format("goes with type {} only", words));
+    };
+    goes_with("velocity", {Kind::translate}, "translate");
+    goes_with("places", {Kind::translate}, "translate");
+    goes_with("speed", {Kind::rotate}, "rotate");
+    goes_with("angles", {Kind::rotate}, "rotate");
+    goes_with("ramp", {Kind::translate, Kind::rotate}, "translate and rotate");
+    goes_with("axis", {Kind::rotate, Kind::vibrate, Kind::swing, Kind::servo}, "rotate, vibrate, swing and servo");
+    goes_with("origin", {Kind::rotate, Kind::swing, Kind::servo}, "rotate, swing and servo");
+    for (const char* key : {"amplitude", "frequency", "phase"})
+      goes_with(key, {Kind::vibrate, Kind::swing}, "vibrate and swing");
+    for (const char* key : {"force", "torque", "gain", "max_speed", "mass"}) goes_with(key, {Kind::servo}, "servo");
   }
 
   void set_shape(const WallDraft& draft, const std::string& path, WallDefinition& wall) {
@@ -286,10 +312,111 @@ class Assembler {
   void add_outlet(std::size_t i) {
     const OutletDraft& draft = draft_.outlets[i];
     const std::string path = fmt::format("outlet[{}]", i);
-    expect_one(path, {{"face", draft.face.has_value()}, {"box", draft.box.has_value()}}, "place");
-    Outlet outlet{draft.name, draft.face.value_or(0)};
+    expect_one(path,
+               {{"face", draft.face.has_value()},
+                {"box", draft.box.has_value()},
+                {"cylinder", draft.cylinder.has_value()},
+                {"sphere", draft.sphere.has_value()},
+                {"plane", draft.plane.has_value()},
+                {"disc", draft.disc.has_value()},
+                {"mesh", draft.mesh.has_value()}},
+               "place");
+    Outlet outlet = draft.outlet;
+    outlet.where = draft.face.value_or(0);
     if (draft.box) outlet.where = box(*draft.box);
+    if (draft.cylinder) outlet.where = *draft.cylinder;
+    if (draft.sphere) outlet.where = *draft.sphere;
+    if (draft.plane) outlet.where = *draft.plane;
+    if (draft.disc) outlet.where = *draft.disc;
+    if (draft.mesh) outlet.where = mesh(*draft.mesh, path + ".mesh");
+    if (draft.at) {
+      const Found found = follow(reader_.root(), parse_path(path));
+      for (const char* key : {"from", "until"})
+        if (found.node->find(key)) reader_.complain_about(path + "." + key, "does not go with at");
+      outlet.from = *draft.at;
+      outlet.is_once = true;
+    }
     scene_.outlets.push_back(std::move(outlet));
+  }
+
+  void add_inlet(std::size_t i) {
+    const InletDraft& draft = draft_.inlets[i];
+    const std::string path = fmt::format("inlet[{}]", i);
+    Inlet inlet = draft.inlet;
+    inlet.diameter = draft.diameter;
+    if (draft.fill) {
+      inlet.fill_count = draft.fill->count;
+      inlet.fill_mass = draft.fill->mass;
+      inlet.fill_solid_fraction = draft.fill->solid_fraction;
+    }
+    if (draft.file) {
+      inlet.list = inlet_list(*draft.file, path + ".file", inlet);
+      if (draft.region || draft.face || draft.disc || draft.polygon)
+        reader_.complain_at(path, "has file and a place; grains of a file have their places");
+    } else {
+      set_inlet_place(draft, path, inlet);
+    }
+    if (inlet.material.empty() && !(inlet.list && inlet.list->has_material)) inlet.material = only_material();
+    if (inlet.material.empty() && !(inlet.list && inlet.list->has_material))
+      reader_.complain_missing_key(path, "material", "inlet");
+    const bool has_sizes = draft.has_diameter || (inlet.list && inlet.list->has_radius);
+    if (!has_sizes && !reader_.is_doubtful(path + ".file")) reader_.complain_missing_key(path, "diameter", "inlet");
+    if (!has_sizes) reader_.doubt(path + ".diameter");
+    scene_.inlets.push_back(std::move(inlet));
+  }
+
+  void set_inlet_place(const InletDraft& draft, const std::string& path, Inlet& inlet) {
+    const bool has_one = expect_one(path,
+                                    {{"region", draft.region.has_value()},
+                                     {"face", draft.face.has_value()},
+                                     {"disc", draft.disc.has_value()},
+                                     {"polygon", draft.polygon.has_value()}},
+                                    "place");
+    if (draft.part && !draft.face) reader_.complain_about(path + ".part", "goes with face only");
+    if (!has_one) return reader_.doubt(path + ".region");
+    if (draft.region)
+      std::visit([&](const auto& shape) { inlet.where = shape; }, region(draft.region, path + ".region"));
+    if (draft.disc) inlet.where = *draft.disc;
+    if (draft.polygon) inlet.where = PolygonShape{*draft.polygon};
+    if (draft.face) inlet.where = slab_at(*draft.face, draft.part, draft.diameter);
+  }
+
+  /// Room for one layer of grains against a face of the domain, or a part of it.
+  BoxRegion slab_at(int face, const std::optional<BoxDraft>& part, const SizeDistribution& sizes) const {
+    const Box domain = scene_.domain.box();
+    Box slab = part ? box(*part) : domain;
+    for (int axis = 0; axis < 3; ++axis) {
+      slab.low[axis] = std::max(slab.low[axis], domain.low[axis]);
+      slab.high[axis] = std::min(slab.high[axis], domain.high[axis]);
+    }
+    const double largest =
+        sizes.kind == SizeDistribution::Kind::single ? sizes.value
+        : sizes.kind == SizeDistribution::Kind::list
+            ? (sizes.values.empty() ? 0.0 : *std::max_element(sizes.values.begin(), sizes.values.end()))
+            : sizes.high;
+    const int axis = face / 2;
+    slab.low[axis] = face % 2 == 0 ? domain.low[axis] : domain.high[axis] - largest;
+    slab.high[axis] = face % 2 == 0 ? domain.low[axis] + largest : domain.high[axis];
+    return {slab};
+  }
+
+  /// Every rank has all of it: any of them may have to give birth to any of its grains.
+  ListedGrains inlet_list(const std::string& file, const std::string& path, const Inlet& inlet) {
+    GrainFileContext context;
+    for (const Material& material : scene_.materials) context.materials.push_back(material.name);
+    if (!inlet.material.empty())
+      context.material = static_cast<std::uint16_t>(std::max(0, scene_.material_index(inlet.material)));
+    context.velocity = inlet.velocity;
+    context.angular_velocity = inlet.angular_velocity;
+    if (scene_.domain.dimensions == 2) context.z = middle();
+    try {
+      return load_grains(base_ / file, context);
+    } catch (const FileError& error) {
+      complain_about_file(path, error);
+      ListedGrains none;
+      none.source = file;
+      return none;
+    }
   }
 
   void add_gas(const GasDraft& draft) {
@@ -364,16 +491,7 @@ class Assembler {
 
   /// One entry for each pair that can meet and has none: grains among each other, and grains with walls.
   void add_all_other_pairs(const PairLaw& law, std::size_t origin, std::vector<std::size_t>& pair_origin) {
-    std::vector<bool> is_grain(scene_.materials.size());
-    for (const ParticleGroup& group : scene_.particles) {
-      if (const int index = scene_.material_index(group.material); index >= 0)
-        is_grain[static_cast<std::size_t>(index)] = true;
-      if (const auto* listed = std::get_if<ListedGrains>(&group.fill)) {
-        const ListFacts facts = facts_of(*listed);
-        for (std::size_t m = 0; m < is_grain.size(); ++m)
-          if (facts.uses(m)) is_grain[m] = true;
-      }
-    }
+    const std::vector<bool> is_grain = grain_materials(scene_);
     for (std::size_t a = 0; a < is_grain.size(); ++a)
       for (std::size_t b = a; b < is_grain.size(); ++b) {
         const std::string &first = scene_.materials[a].name, &second = scene_.materials[b].name;

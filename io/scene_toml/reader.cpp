@@ -317,6 +317,24 @@ bool Reader::read(const At& at, const char* unit, std::vector<std::array<double,
   return is_good;
 }
 
+bool Reader::read(const At& at, const char* unit, std::vector<std::array<double, 4>>& out) {
+  const std::string expected = "a list of [time, x, y, z], such as [[0, 0, 0, 0], [1, 0, 0, 0.1]]";
+  if (!expect_list(at, expected)) return false;
+  out.assign(at.node.items.size(), {});
+  bool is_good = true;
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    const At item{at.node.items[i], at.node.items[i].begin, &at, {}, i};
+    if (item.node.kind != Node::Kind::list || item.node.items.size() != 4) {
+      complain(at, fmt::format("expected {}", expected));
+      return false;
+    }
+    for (std::size_t k = 0; k < 4; ++k)
+      is_good = read(At{item.node.items[k], item.node.items[k].begin, &item, {}, k}, k == 0 ? "s" : unit, out[i][k]) &&
+                is_good;
+  }
+  return is_good;
+}
+
 bool Reader::read(const At& at, const char*, std::array<std::string, 2>& out) {
   if (at.node.kind != Node::Kind::list || at.node.items.size() != 2) {
     wrong_type(at, "two names, such as [\"glass\", \"steel\"]", "");

@@ -81,6 +81,8 @@ class Reader {
   bool read(const At& at, const char* unit, std::vector<double>& out);
   /// A curve: a list of [time, factor].
   bool read(const At& at, const char* unit, std::vector<std::array<double, 2>>& out);
+  /// A course: a list of [time, x, y, z].
+  bool read(const At& at, const char* unit, std::vector<std::array<double, 4>>& out);
   bool read(const At& at, const char* unit, std::vector<std::string>& out);
   template <class V>
   bool read(const At& at, const char* unit, std::optional<V>& out) {

@@ -62,6 +62,10 @@ struct TypeName<std::vector<std::array<double, 2>>> {
   static constexpr const char* text = "list of [time, factor]";
 };
 template <>
+struct TypeName<std::vector<std::array<double, 4>>> {
+  static constexpr const char* text = "list of [time, x, y, z]";
+};
+template <>
 struct TypeName<std::vector<double>> {
   static constexpr const char* text = "list of numbers";
 };
@@ -302,21 +306,29 @@ const KeyTable<ContactDraft>& contact_keys() {
   return keys;
 }
 
-const KeyTable<RegionDraft>& region_keys() {
-  static const KeyTable<CylinderRegion> cylinder{{
+const KeyTable<CylinderRegion>& cylinder_region_keys() {
+  static const KeyTable<CylinderRegion> keys{{
       value("base", &CylinderRegion::base, {"m", "centre of the lower end"}, required_key),
       axis("axis", &CylinderRegion::axis, "direction of the axis"),
       value("radius", &CylinderRegion::radius, {"m", "radius"}, required_key),
       value("length", &CylinderRegion::length, {"m", "length along the axis"}, required_key),
   }};
-  static const KeyTable<SphereRegion> sphere{{
+  return keys;
+}
+
+const KeyTable<SphereRegion>& sphere_region_keys() {
+  static const KeyTable<SphereRegion> keys{{
       value("centre", &SphereRegion::centre, {"m", "centre"}, required_key),
       value("radius", &SphereRegion::radius, {"m", "radius"}, required_key),
   }};
+  return keys;
+}
+
+const KeyTable<RegionDraft>& region_keys() {
   static const KeyTable<RegionDraft> keys{{
       table("box", &RegionDraft::box, box_keys(), "none", "a box"),
-      table("cylinder", &RegionDraft::cylinder, cylinder, "none", "a cylinder along x, y or z"),
-      table("sphere", &RegionDraft::sphere, sphere, "none", "a sphere"),
+      table("cylinder", &RegionDraft::cylinder, cylinder_region_keys(), "none", "a cylinder along x, y or z"),
+      table("sphere", &RegionDraft::sphere, sphere_region_keys(), "none", "a sphere"),
   }};
   return keys;
 }
@@ -429,7 +441,8 @@ void complete_distribution(Reader& reader, const At& at, SizeDistribution& sizes
   if (!has("high")) sizes.high = high;
 }
 
-Key<ParticleDraft> diameter_key() {
+template <class Draft>
+Key<Draft> diameter_key() {
   KeyDoc doc{
       "",
       "diameter",
@@ -437,8 +450,8 @@ Key<ParticleDraft> diameter_key() {
       "m",
       "none",
       "diameter of the grains: one, uniform between two, or a distribution; not needed where a file gives sizes"};
-  const auto read = [](Reader& reader, const At& at, ParticleDraft& out) {
-    SizeDistribution& sizes = out.group.diameter;
+  const auto read = [](Reader& reader, const At& at, Draft& out) {
+    SizeDistribution& sizes = out.diameter;
     out.has_diameter = true;
     if (at.node.kind == Node::Kind::table) {
       distribution_keys().read(reader, at, sizes);
@@ -472,19 +485,86 @@ const KeyTable<ParticleDraft>& particle_keys() {
       value("angular_velocity", &Group::angular_velocity, {"rad/s", "initial angular velocity"}),
       value("seed", &Group::seed, {"-", "seed of everything that is random about the group"}),
   }};
-  static const KeyTable<ParticleDraft> keys = inside(
-      &ParticleDraft::group, group,
-      {{diameter_key(), table("fill", &ParticleDraft::fill, fill_keys(), "none",
-                              "where the grains are: solid_fraction or count in a region, lattice, file, or positions",
-                              required_key)}});
+  static const KeyTable<ParticleDraft> keys =
+      inside(&ParticleDraft::group, group,
+             {{diameter_key<ParticleDraft>(),
+               table("fill", &ParticleDraft::fill, fill_keys(), "none",
+                     "where the grains are: solid_fraction or count in a region, lattice, file, or positions",
+                     required_key)}});
+  return keys;
+}
+
+const KeyTable<WallMotion>& motion_keys() {
+  using Motion = WallMotion;
+  using Kind = Motion::Kind;
+  static const KeyTable<Motion> keys{{
+      choice(
+          "type", &Motion::kind,
+          {{"translate", Kind::translate},
+           {"rotate", Kind::rotate},
+           {"vibrate", Kind::vibrate},
+           {"swing", Kind::swing},
+           {"servo", Kind::servo}},
+          {"",
+           "translate with a velocity or through places; rotate about an axis; vibrate: amplitude sin(2 pi frequency "
+           "t + phase) along the axis; swing: the same about the axis; servo: driven until the grains push as given"},
+          "none", required_key),
+      value("velocity", &Motion::velocity, {"m/s", "translate: velocity"}),
+      value("places", &Motion::places,
+            {"m", "translate: displacement at given times, straight between, resting before and after"}),
+      value("origin", &Motion::origin, {"m", "rotate, swing, servo with torque: a point of the axis"}),
+      direction("axis", &Motion::axis, "\"z\"", "direction of the axis"),
+      value("speed", &Motion::speed, {"rad/s", "rotate: angular velocity, right-handed about the axis"}),
+      value("angles", &Motion::angles,
+            {"s", "rotate: angle [rad] at given times, straight between, resting before and after"}, optional_key,
+            "none"),
+      value("ramp", &Motion::ramp,
+            {"s", "translate, rotate: factor on velocity or speed over time, straight between, constant beyond"}),
+      value("amplitude", &Motion::amplitude, {"m or rad", "vibrate [m], swing [rad]: amplitude"}),
+      value("frequency", &Motion::frequency, {"Hz", "vibrate, swing: frequency"}),
+      value("phase", &Motion::phase, {"rad", "vibrate, swing: phase at time 0"}),
+      value("force", &Motion::force,
+            {"N", "servo: force with which the grains are to push the wall along the axis; this or torque"}),
+      value("torque", &Motion::torque,
+            {"N m",
+             "servo: torque with which the grains are to turn the wall about the axis; negative drives it "
+             "forwards against them"}),
+      value("gain", &Motion::gain,
+            {"m/(s N)", "servo: speed along (about) the axis for each unit of force (torque) beyond the wanted one"}),
+      value("max_speed", &Motion::max_speed, {"m/s or rad/s", "servo: it never becomes faster"}),
+      value("mass", &Motion::mass, {"kg or kg m2", "servo: inertia against changes of its speed; 0: none"}),
+  }};
+  return keys;
+}
+
+const KeyTable<PlaneShape>& plane_keys() {
+  static const KeyTable<PlaneShape> keys{{
+      value("point", &PlaneShape::point, {"m", "a point of the plane"}, required_key),
+      direction("normal", &PlaneShape::normal, "\"z\"", "the side on which the grains are"),
+  }};
+  return keys;
+}
+
+const KeyTable<DiscShape>& disc_keys() {
+  static const KeyTable<DiscShape> keys{{
+      value("centre", &DiscShape::centre, {"m", "centre"}, required_key),
+      direction("normal", &DiscShape::normal, "\"z\"", "normal of the disc"),
+      value("radius", &DiscShape::radius, {"m", "outer radius"}, required_key),
+      value("hole_radius", &DiscShape::hole_radius, {"m", "radius of the hole in the middle"}),
+  }};
+  return keys;
+}
+
+const KeyTable<MeshDraft>& mesh_keys() {
+  static const KeyTable<MeshDraft> keys{{
+      value("file", &MeshDraft::file, {"", "STL or OBJ file"}, required_key),
+      value("scale", &MeshDraft::scale, {"-", "factor on all coordinates of the file; 0.001 for millimetres"}),
+      value("translate", &MeshDraft::translate, {"m", "displacement, after scaling"}),
+  }};
   return keys;
 }
 
 const KeyTable<WallDraft>& wall_keys() {
-  static const KeyTable<PlaneShape> plane{{
-      value("point", &PlaneShape::point, {"m", "a point of the plane"}, required_key),
-      direction("normal", &PlaneShape::normal, "\"z\"", "the side on which the grains are"),
-  }};
   static const KeyTable<CylinderShape> cylinder{{
       value("base", &CylinderShape::base, {"m", "centre of one end"}, required_key),
       direction("axis", &CylinderShape::axis, "\"z\"", "direction from the base to the other end"),
@@ -498,17 +578,6 @@ const KeyTable<WallDraft>& wall_keys() {
       value("radius_top", &ConeShape::radius_top, {"m", "radius at the other end"}, required_key),
       value("length", &ConeShape::length, {"m", "length along the axis"}, required_key),
   }};
-  static const KeyTable<DiscShape> disc{{
-      value("centre", &DiscShape::centre, {"m", "centre"}, required_key),
-      direction("normal", &DiscShape::normal, "\"z\"", "normal of the disc"),
-      value("radius", &DiscShape::radius, {"m", "outer radius"}, required_key),
-      value("hole_radius", &DiscShape::hole_radius, {"m", "radius of the hole in the middle"}),
-  }};
-  static const KeyTable<MeshDraft> mesh{{
-      value("file", &MeshDraft::file, {"", "STL or OBJ file"}, required_key),
-      value("scale", &MeshDraft::scale, {"-", "factor on all coordinates of the file; 0.001 for millimetres"}),
-      value("translate", &MeshDraft::translate, {"m", "displacement, after scaling"}),
-  }};
   using Wall = WallDefinition;
   static const KeyTable<Wall> wall{{
       value("name", &Wall::name, {"", "name by which probes refer to it"}, required_key),
@@ -518,16 +587,20 @@ const KeyTable<WallDraft>& wall_keys() {
       value("symmetry", &Wall::symmetry, {"", "true: a mirror (planes only); grains meet their own image"}),
       value("from", &Wall::from, {"s", "the wall exists from this time ..."}),
       value("until", &Wall::until, {"s", "... until this time"}),
-      planned<Wall>("motion", "prescribed motion"),
+      tables(
+          "motion", &Wall::motion, motion_keys(),
+          "motions, carried out one after the other: a later one takes along where the earlier ones have brought the "
+          "wall"),
   }};
   static const KeyTable<WallDraft> keys = inside(
       &WallDraft::wall, wall,
-      {{table("plane", &WallDraft::plane, plane, "none", "an infinite plane; touched from the side of its normal"),
+      {{table("plane", &WallDraft::plane, plane_keys(), "none",
+              "an infinite plane; touched from the side of its normal"),
         table("box", &WallDraft::box, box_keys(), "none", "six planes that face inwards; {} is the whole domain"),
         table("cylinder", &WallDraft::cylinder, cylinder, "none", "the lateral surface of a cylinder"),
         table("cone", &WallDraft::cone, cone, "none", "the lateral surface of a truncated cone"),
-        table("disc", &WallDraft::disc, disc, "none", "a flat disc, with a hole or without"),
-        table("mesh", &WallDraft::mesh, mesh, "none", "triangles from a file")}});
+        table("disc", &WallDraft::disc, disc_keys(), "none", "a flat disc, with a hole or without"),
+        table("mesh", &WallDraft::mesh, mesh_keys(), "none", "triangles from a file")}});
   return keys;
 }
 
@@ -544,11 +617,73 @@ Key<T> face(V T::*member, const char* meaning, Presence presence = optional_key)
 }
 
 const KeyTable<OutletDraft>& outlet_keys() {
-  static const KeyTable<OutletDraft> keys{{
-      value("name", &OutletDraft::name, {"", "name"}, required_key),
-      face(&OutletDraft::face, "a face of the domain: grains leave as their centre passes it"),
-      table("box", &OutletDraft::box, box_keys(), "none", "grains leave as their centre enters it"),
+  static const KeyTable<Outlet> outlet{{
+      value("name", &Outlet::name, {"", "name"}, required_key),
+      value("from", &Outlet::from, {"s", "grains leave from this time ..."}),
+      value("until", &Outlet::until, {"s", "... until this time"}),
+      value("recycle", &Outlet::recycles,
+            {"", "name of the inlet through which the same grains come back, with new numbers"}),
   }};
+  static const KeyTable<OutletDraft> keys =
+      inside(&OutletDraft::outlet, outlet,
+             {{face(&OutletDraft::face, "a face of the domain: grains leave as their centre passes it"),
+               table("box", &OutletDraft::box, box_keys(), "none", "grains leave as their centre enters it"),
+               table("cylinder", &OutletDraft::cylinder, cylinder_region_keys(), "none", "the same"),
+               table("sphere", &OutletDraft::sphere, sphere_region_keys(), "none", "the same"),
+               table("plane", &OutletDraft::plane, plane_keys(), "none", "grains leave as their centre is behind it"),
+               table("disc", &OutletDraft::disc, disc_keys(), "none", "grains leave as their centre crosses it"),
+               table("mesh", &OutletDraft::mesh, mesh_keys(), "none", "grains leave as their centre crosses it"),
+               value("at", &OutletDraft::at, {"s", "open once only, in the step in which this time is reached"})}});
+  return keys;
+}
+
+/// Corners of a polygon.
+Key<InletDraft> polygon_key() {
+  return {{"", "polygon", "list of [x, y, z]", "m", "none", "a flat polygon in space: its corners, in order around it"},
+          [](Reader& reader, const At& at, InletDraft& out) {
+            out.polygon.emplace();
+            reader.read_points(at, *out.polygon, std::numeric_limits<double>::quiet_NaN(), is_flat(reader));
+          }};
+}
+
+const KeyTable<InletDraft>& inlet_keys() {
+  static const KeyTable<InletFillDraft> fill{{
+      value("count", &InletFillDraft::count, {"-", "until so many grains are inside the region"}),
+      value("mass", &InletFillDraft::mass, {"kg", "until so much is inside"}),
+      value("solid_fraction", &InletFillDraft::solid_fraction, {"-", "until so much of the region is filled"}),
+  }};
+  static const KeyTable<Inlet> inlet{{
+      value("name", &Inlet::name, {"", "name"}, required_key),
+      value("material", &Inlet::material, {"", "material of the grains; goes before that of a file"}, optional_key,
+            "the only one, or the file's"),
+      value("number_rate", &Inlet::number_rate, {"1/s", "grains a second"}),
+      value("mass_rate", &Inlet::mass_rate, {"kg/s", "mass a second; what is owed stays below one grain"}),
+      value("total_count", &Inlet::total_count, {"-", "no more grains altogether"}),
+      value("total_mass", &Inlet::total_mass, {"kg", "no more mass altogether"}),
+      value("from", &Inlet::from, {"s", "grains are born from this time ..."}),
+      value("until", &Inlet::until, {"s", "... until this time"}),
+      value("interval", &Inlet::interval, {"s", "time between births; longer ones cost less"}, optional_key,
+            "rates: as soon as a grain is owed; else 100 steps"),
+      value("velocity", &Inlet::velocity, {"m/s", "velocity at birth"}),
+      value("velocity_deviation", &Inlet::velocity_deviation,
+            {"m/s", "standard deviation of each component of the velocity around it"}),
+      value("angular_velocity", &Inlet::angular_velocity, {"rad/s", "angular velocity at birth"}),
+      value("seed", &Inlet::seed, {"-", "seed of everything that is random about the inlet"}),
+  }};
+  static const KeyTable<InletDraft> keys = inside(
+      &InletDraft::inlet, inlet,
+      {{diameter_key<InletDraft>(),
+        table("region", &InletDraft::region, region_keys(), "none", "grains are born wholly inside a region"),
+        face(&InletDraft::face, "grains are born against a face of the domain"),
+        table("part", &InletDraft::part, box_keys(), "the whole face", "with face: the part of it inside this box"),
+        table("disc", &InletDraft::disc, disc_keys(), "none", "grains are born with their centres on a disc in space"),
+        polygon_key(),
+        table("fill", &InletDraft::fill, fill, "none",
+              "the region is filled, and kept filled, to a count, mass or solid fraction"),
+        value("file", &InletDraft::file,
+              {"",
+               "list of grains, or a snapshot or checkpoint of another run; each is born at its place as soon as that "
+               "is free"})}});
   return keys;
 }
 
@@ -683,24 +818,28 @@ const KeyTable<ProbeDraft>& probe_keys() {
               {"pressure_drop", Kind::pressure_drop},
               {"bed_height", Kind::bed_height},
               {"gas_profile", Kind::gas_profile},
-              {"gas_mean", Kind::gas_mean}},
+              {"gas_mean", Kind::gas_mean},
+              {"mixing", Kind::mixing}},
              {"", "what is recorded"}, "none", required_key),
       value("name", &Probe::name, {"", "name of the CSV file, without ending"}, optional_key, "the kind"),
       value("wall", &Probe::wall, {"", "wall_force, wall_pressure: name of the wall"}),
       axis("axis", &Probe::axis,
            "wall_pressure, profile, gas_profile: direction along which it is cut into slices; pressure_drop, "
            "bed_height: direction along which it is measured"),
-      value("bins", &Probe::bins, {"-", "wall_pressure, profile: number of slices"}),
+      value("bins", &Probe::bins,
+            {"-", "wall_pressure, profile: number of slices; mixing: cells along the longest side of the region"}),
       value("interval", &Probe::interval, {"s", "time between two rows"}, required_key),
       points_key(),
       value("between", &Probe::between, {"m", "pressure_drop: the two planes, by their places along the axis"},
             optional_key, "the faces of the domain"),
       value("share", &Probe::share, {"-", "bed_height: share of the grains' mass that lies below"}),
+      value("material", &Probe::material, {"", "mixing: the grains whose share is looked at"}),
       value("from", &Probe::from, {"s", "gas_profile, gas_mean: averages begin at this time"}),
   }};
-  static const KeyTable<ProbeDraft> keys = inside(&ProbeDraft::probe, probe,
-                                                  {{table("region", &ProbeDraft::region, box_keys(), "the domain",
-                                                          "region, profile, gas_profile: the box that is looked at")}});
+  static const KeyTable<ProbeDraft> keys =
+      inside(&ProbeDraft::probe, probe,
+             {{table("region", &ProbeDraft::region, box_keys(), "the domain",
+                     "region, profile, gas_profile, mixing: the box that is looked at")}});
   return keys;
 }
 
@@ -771,13 +910,13 @@ const KeyTable<SceneDraft>& scene_table() {
       table("contact", &SceneDraft::contact, contact_keys(), "none", "contact laws and their parameters"),
       tables("particles", &SceneDraft::particles, particle_keys(), "groups of grains"),
       tables("wall", &SceneDraft::walls, wall_keys(), "walls; each has exactly one shape"),
-      tables("outlet", &SceneDraft::outlets, outlet_keys(), "where grains leave: a face of the domain, or a box"),
+      tables("outlet", &SceneDraft::outlets, outlet_keys(), "where grains leave; each has exactly one place"),
+      tables("inlet", &SceneDraft::inlets, inlet_keys(), "where grains are born while the scene runs"),
       output_key(),
       tables("probe", &SceneDraft::probes, probe_keys(), "time series, each written to a CSV file"),
       table("run", &SceneDraft::run, run_keys(), "none", "how it is run; results do not depend on it"),
       table("gas", &SceneDraft::gas, gas_keys(), "none", "gas between the grains, on a grid over the whole domain"),
       table("scale", &SceneDraft::scale, scale_keys(), "none", "how moraine scale --weak makes the scene larger"),
-      planned<SceneDraft>("inlet", "inlets"),
   }};
   return keys;
 }
@@ -799,7 +938,8 @@ SceneDraft read_draft(Reader& reader) {
   scene_table().read(reader, top, draft);
   // Gas can be alone.
   for (const char* key : {"material", "particles"})
-    if (!reader.root().find("gas") && !reader.root().find(key))
+    if (!reader.root().find("gas") && !reader.root().find(key) &&
+        !(std::string_view(key) == "particles" && reader.root().find("inlet")))
       reader.complain_missing(top, key, scene_table().find(key)->doc);
   return draft;
 }

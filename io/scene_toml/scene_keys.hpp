@@ -36,7 +36,8 @@ struct FillDraft {
 };
 
 struct ParticleDraft {
-  ParticleGroup group;  // all but the fill
+  ParticleGroup group;  // all but sizes and fill
+  SizeDistribution diameter;
   bool has_diameter = false;
   std::optional<FillDraft> fill;
 };
@@ -68,9 +69,33 @@ struct WallDraft {
 };
 
 struct OutletDraft {
-  std::string name;
+  Outlet outlet;  // all but the place and the time of one that is open once
   std::optional<int> face;
   std::optional<BoxDraft> box;
+  std::optional<CylinderRegion> cylinder;
+  std::optional<SphereRegion> sphere;
+  std::optional<PlaneShape> plane;
+  std::optional<DiscShape> disc;
+  std::optional<MeshDraft> mesh;
+  std::optional<double> at;
+};
+
+struct InletFillDraft {
+  std::optional<std::int64_t> count;
+  std::optional<double> mass, solid_fraction;
+};
+
+struct InletDraft {
+  Inlet inlet;  // all but sizes, place, fill and list
+  SizeDistribution diameter;
+  bool has_diameter = false;
+  std::optional<RegionDraft> region;
+  std::optional<int> face;
+  std::optional<BoxDraft> part;
+  std::optional<DiscShape> disc;
+  std::optional<std::vector<Vec3>> polygon;
+  std::optional<InletFillDraft> fill;
+  std::optional<std::string> file;
 };
 
 struct ProbeDraft {
@@ -102,6 +127,7 @@ struct SceneDraft {
   std::vector<ParticleDraft> particles;
   std::vector<WallDraft> walls;
   std::vector<OutletDraft> outlets;
+  std::vector<InletDraft> inlets;
   std::optional<GasDraft> gas;
   Output output;
   std::optional<bool> energy;  // output.energy; none: on where a probe needs it

@@ -24,10 +24,6 @@ struct Surface {
   double radius_top = 0.0;      // cone: at the far end; disc: radius of the hole [m]
   double length = 0.0;          // cylinder, cone: along the axis; an infinite cylinder has no end on either side [m]
   std::int32_t mesh = -1;       // mesh: index of the mesh
-  // Rigid motion: velocity of the material point x is velocity + angular_velocity x (x - centre).
-  Vec3 velocity;          // [m/s]
-  Vec3 angular_velocity;  // [rad/s]
-  Vec3 centre;            // [m]
 };
 
 /// A sphere's contact with a surface.

@@ -74,12 +74,8 @@ const std::vector<Broken> table = {
      "18: key \"particles\" = { material = \"glass\", diameter = 0.02, fill = { count =  ...: expected a list of "
      "tables, found one table; write "
      "[[particles]] with two brackets"},
-    {"planned", "", "[[inlet]]\nrate = 1",
-     "30: key \"inlet\" = [{ rate = 1 }]: not available yet in this version; leave it out"},
     {"planned law", "tangential = \"spring\"", "tangential = \"spring\"\nrolling = \"constant\"",
      "13: key \"contact.rolling\" = \"constant\": not available yet in this version; leave it out"},
-    {"planned motion", "name = \"floor\"", "name = \"floor\"\nmotion = { velocity = [0, 0, 1] }",
-     "24: key \"wall[0].motion\" = { velocity = [0, 0, 1] }: not available yet in this version; leave it out"},
     {"planned precision", "", "[run]\nprecision = \"mixed\"",
      "31: key \"run.precision\": \"mixed\" is not available yet in this version; use \"double\""},
     {"balance that is not", "", "[run]\nbalance = \"ranks\"",
@@ -233,6 +229,45 @@ const std::vector<Broken> table = {
     {"mesh cut short", "plane = { point = [0, 0, 0], normal = [0, 0, 1] }", "mesh = { file = \"cut.stl\" }",
      "25: key \"wall[0].mesh.file\" = \"cut.stl\": the file was cut short: 538976288 triangles need 26948814484 bytes, "
      "it has 100: FILES/cut.stl"},
+    {"motion of no type", "name = \"floor\"", "name = \"floor\"\nmotion = [{ velocity = [0, 0, 1] }]",
+     "24: key \"wall[0].motion[0].type\": missing; expected \"translate\", \"rotate\", \"vibrate\", \"swing\" or "
+     "\"servo\": translate with a velocity or through places; rotate about an axis; vibrate: amplitude sin(2 pi "
+     "frequency "
+     "t + phase) along the axis; swing: the same about the axis; servo: driven until the grains push as given"},
+    {"speed of a translation", "name = \"floor\"", "name = \"floor\"\nmotion = [{ type = \"translate\", speed = 1 }]",
+     "24: key \"wall[0].motion[0].speed\" = 1: goes with type rotate only"},
+    {"times in no order", "name = \"floor\"",
+     "name = \"floor\"\nmotion = [{ type = \"rotate\", speed = 1, ramp = [[1, 0], [0, 1]] }]",
+     "24: key \"wall[0].motion[0].ramp[1][0]\": is 0; expected at least 1, the time before [s]"},
+    {"servo without gain", "name = \"floor\"",
+     "name = \"floor\"\nmotion = [{ type = \"servo\", force = 1, max_speed = 0.1 }]",
+     "24: key \"wall[0].motion[0].gain\": is 0; expected a number greater than 0 [m/(s N)]"},
+    {"servo of two aims", "name = \"floor\"",
+     "name = \"floor\"\nmotion = [{ type = \"servo\", force = 1, torque = 1, gain = 1, max_speed = 0.1 }]",
+     "24: key \"wall[0].motion[0]\": has force and torque; a servo needs exactly one of force and torque"},
+    {"mirror that moves", "name = \"floor\"",
+     "name = \"floor\"\nsymmetry = true\nmotion = [{ type = \"translate\", velocity = [0, 0, 1] }]",
+     "25: key \"wall[0].motion\": does not go with symmetry: a mirror stays where it is"},
+    // inlets
+    {"inlet that gives nothing", "", "[[inlet]]\nname = \"in\"\ndiameter = 0.02\nregion = { box = {} }",
+     "30: key \"inlet[0]\": has nothing to give; expected one of number_rate, mass_rate, fill (count, mass or "
+     "solid_fraction) and file, or an [[outlet]] with recycle = \"in\""},
+    {"inlet of two rates", "",
+     "[[inlet]]\nname = \"in\"\ndiameter = 0.02\nregion = { box = {} }\nnumber_rate = 1\nmass_rate = 1",
+     "30: key \"inlet[0]\": has number_rate and mass_rate; expected one of number_rate, mass_rate, fill (count, mass "
+     "or "
+     "solid_fraction) and file"},
+    {"inlet without a place", "", "[[inlet]]\nname = \"in\"\ndiameter = 0.02\nnumber_rate = 1",
+     "30: key \"inlet[0]\": has no place; expected exactly one place of: region, face, disc, polygon"},
+    {"inlet narrower than its grains", "",
+     "[[inlet]]\nname = \"in\"\ndiameter = 0.02\nnumber_rate = 1\ndisc = { centre = [0.5, 0.5, 0.5], radius = 0.005 }",
+     "34: key \"inlet[0].disc\": is 0.01 m wide: too narrow for the largest diameter, 0.02 m"},
+    {"polygon that is not flat", "",
+     "[[inlet]]\nname = \"in\"\ndiameter = 0.02\nnumber_rate = 1\npolygon = [[0, 0, 0.5], [1, 0, 0.5], [1, 1, 0.5], "
+     "[0, 1, 0.6]]",
+     "34: key \"inlet[0].polygon[3]\": is 0.0577 m off the plane of the others; expected a flat polygon"},
+    {"outlet into no inlet", "", "[[outlet]]\nname = \"o\"\nface = \"z-low\"\nrecycle = \"in\"",
+     "33: key \"outlet[0].recycle\": \"in\" is not an inlet; the scene has none"},
     // outlets, probes, output, run
     {"outlet on a periodic face", "high = [1, 1, 1]",
      "high = [1, 1, 1]\nperiodic = [false, false, true]\n[[outlet]]\nname = \"o\"\nface = \"z-low\"",

@@ -22,7 +22,7 @@ struct Bits {
 
 inline Bits ledger_bits(const EnergyLedger& e) {
   return {{e.kinetic, e.rotational, e.elastic_normal, e.elastic_tangential, e.potential, e.lost_normal,
-           e.lost_tangential, e.lost_friction, e.lost_drag, e.left, e.initial}};
+           e.lost_tangential, e.lost_friction, e.lost_drag, e.left, e.wall_work, e.initial}};
 }
 
 struct Moment {

@@ -40,7 +40,7 @@ TriangleMesh square_mesh(int n, double half) {
 }
 
 /// Grains that bounce, slide and roll over a floor; the floor is a plane (n = 0) or 2 n^2 triangles.
-Scene floor_scene(NormalLaw normal, TangentialLaw tangential, int n, bool is_turned) {
+Scene floor_scene(NormalLaw normal, TangentialLaw tangential, int n, bool is_turned, bool is_moving = false) {
   Scene scene = empty_scene({-0.15, -0.15, -0.15}, {0.15, 0.15, 0.15}, 2e-6);
   scene.time.gravity = {0, 0, -9.81};
   scene.materials = {{"grain", 2500, 1e8, 0.25}};
@@ -56,6 +56,18 @@ Scene floor_scene(NormalLaw normal, TangentialLaw tangential, int n, bool is_tur
     floor.shape = PlaneShape{{0, 0, 0}, {0, 0, 1}};
   else
     floor.shape = MeshShape{"", square_mesh(n, 0.095)};
+  if (is_moving) {  // along itself, up and down, and about an oblique axis beside it
+    floor.motion.resize(3);
+    floor.motion[0].velocity = {0.05, 0.02, 0.0};
+    floor.motion[1].kind = WallMotion::Kind::vibrate;
+    floor.motion[1].amplitude = 1e-5;
+    floor.motion[1].frequency = 50.0;
+    floor.motion[2].kind = WallMotion::Kind::swing;
+    floor.motion[2].origin = {0.02, 0.01, 0.0};
+    floor.motion[2].axis = {0.3, 1.0, 2.0};
+    floor.motion[2].amplitude = 0.03;
+    floor.motion[2].frequency = 4.0;
+  }
   scene.walls.push_back(floor);
   add_grain(scene, "grain", radius, {-0.031, 0.002, 3e-3}, {0.7, 0.31, -0.2}, {40, -20, 70});     // bounces
   add_grain(scene, "grain", radius, {0.01, -0.03, 0.999e-3}, {0.2, 0.4, 0.0});                    // slides, then rolls
@@ -132,6 +144,25 @@ TEST_CASE("a plane of 2, 200 or 20000 triangles moves a bouncing, sliding, rolli
         CHECK(spin < (is_turned ? 2e-9 : 1e-10));
       }
     }
+  }
+}
+
+TEST_CASE("a plane of triangles that slides, shakes and turns moves grains as the plane that does so", "[walls]") {
+  const auto run = [](int n) {
+    Simulation simulation(floor_scene(NormalLaw::linear, TangentialLaw::spring, n, false, true), 1);
+    for (int i = 0; i < 40000; ++i) simulation.step();
+    return state_of(simulation);
+  };
+  const State exact = run(0);
+  for (const int n : {1, 10, 100}) {
+    const State found = run(n);
+    double worst = 0.0;
+    for (std::size_t i = 0; i < exact.position.size(); ++i)
+      worst = std::max({worst, length(found.position[i] - exact.position[i]) / 0.03,
+                        length(found.velocity[i] - exact.velocity[i]) / 0.5,
+                        length(found.spin[i] - exact.spin[i]) / 500.0});
+    report("moving: %5d triangles against a plane: largest difference %.1e (relative)", 2 * n * n, worst);
+    CHECK(worst < 1e-10);
   }
 }
 

@@ -38,6 +38,11 @@ SMALL = {
     "tall_bed": (["time.end=0.05", "domain.high=[0.03,0.03,0.5]", "particles[0].fill.region.box.high=[0.03,0.03,0.12]",
                   "particles[1].fill.region.box.low=[0,0,0.14]", "particles[1].fill.region.box.high=[0.03,0.03,0.45]",
                   "particles[1].fill.count=60", "wall[1].plane.point=[0,0,0.5]", "output.snapshots=0.01"], 0.02, False),
+    "rotating_drum": (["time.end=0.08", "output.snapshots=0.02", "wall[0].motion[0].ramp=[[0.0, 0.0], [0.02, 1.0]]"], 0.04, False),
+    "silo_refill": (["time.end=0.2", "output.snapshots=0.05", "wall[2].until=0.02"], 0.12, True),
+    "mixer": (["time.end=0.06", "output.snapshots=0.02", "wall[2].motion[0].ramp=[[0.0, 1.0]]",
+               "wall[3].motion[0].ramp=[[0.0, 1.0]]"], 0.03, False),
+    "spouted_bed_recycle": (["time.end=0.3", "output.snapshots=0.1", "outlet[0].box.low=[0.0, 0.15, 0.0]"], 0.16, True),
     "settled_bed": (["time.end=0.08", "domain.high=[0.04, 0.12, 0.05]", "output.snapshots=0.02"], 0.05, False),
 }
 

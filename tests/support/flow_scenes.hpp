@@ -270,6 +270,28 @@ inline Scene fluidised_bed() {
   return s;
 }
 
+/// The same bed, into which grains are dropped and from which those that fly high are taken back to its foot.
+inline Scene spouted_bed() {
+  Scene s = fluidised_bed();
+  Inlet drop;
+  drop.name = "drop";
+  drop.material = "glass";
+  drop.diameter.value = d;
+  drop.where = BoxRegion{{{0.0, 0.0, 0.3}, {0.16, 0.08, 0.33}}};
+  drop.number_rate = 400.0;
+  drop.velocity = {0.0, 0.0, -0.5};
+  Inlet foot = drop;
+  foot.name = "foot";
+  foot.number_rate.reset();
+  foot.where = BoxRegion{{{0.0, 0.0, 0.0}, {0.16, 0.08, 0.25}}};
+  s.inlets = {drop, foot};
+  Outlet high{"high", Box{{0.0, 0.0, 0.118}, {0.08, 0.08, 0.2}}};
+  high.recycles = "foot";
+  s.outlets.push_back(high);
+  add_probe(s, Probe::Kind::mass, "mass");
+  return s;
+}
+
 /// Grains that a mean pressure gradient carries around a box, periodic along x and y; smoothed exchange.
 inline Scene conveyed() {
   Scene s = basic();
@@ -329,6 +351,127 @@ inline Scene flat_jet() {
   return s;
 }
 
+/// A mesh drum that starts to turn, with a blade that swings, a floor that shakes and a lid that turns with it and presses: every
+/// motion of walls.
+inline Scene drum() {
+  Scene s = basic();
+  s.domain.low = {-0.07, -0.07, -0.02};
+  s.domain.high = {0.07, 0.07, 0.1};
+  s.time.gravity = {-9.81, 0.0, 0.5};
+  s.particles = {lattice({}, 1.03 * d), lattice({}, 1.03 * d, "steel")};
+  std::get<LatticeFill>(s.particles[0].fill).region = CylinderRegion{{0, 0, 0.001}, 2, 0.045, 0.022};
+  std::get<LatticeFill>(s.particles[1].fill).region = CylinderRegion{{0, 0, 0.024}, 2, 0.045, 0.022};
+  for (ParticleGroup& group : s.particles) group.velocity_deviation = 0.1;
+  using Kind = WallMotion::Kind;
+  WallMotion turn;
+  turn.kind = Kind::rotate;
+  turn.speed = 14.0;
+  turn.ramp = {{0.0, 0.0}, {0.02, 1.0}};
+  TriangleMesh shell = shapes::cone_mesh(18, 3, 0.05, 0.05, 0.1);
+  for (Vec3& vertex : shell.vertices) vertex.z -= 0.01;
+  add_wall(s, "shell", MeshShape{"shell.stl", shell}, "steel").motion = {turn};
+  WallMotion shake;
+  shake.kind = Kind::vibrate;
+  shake.amplitude = 4e-4;
+  shake.frequency = 45.0;
+  shake.phase = 0.3;
+  add_wall(s, "floor", PlaneShape{{0, 0, -0.001}, {0, 0, 1}}, "steel").motion = {shake};
+  WallMotion press;
+  press.kind = Kind::servo;
+  press.force = 1.5;
+  press.gain = 0.05;
+  press.max_speed = 0.2;
+  press.mass = 0.01;
+  add_wall(s, "lid", DiscShape{{0, 0, 0.06}, {0, 0, 1}, 0.049, 0.0}).motion = {turn, press};
+  WallMotion swing, carry;
+  swing.kind = Kind::swing;
+  swing.amplitude = 0.7;
+  swing.frequency = 5.0;
+  carry.places = {{0.0, 0.0, 0.0, 0.0}, {0.04, 0.008, 0.0, 0.0}, {0.08, 0.0, 0.01, 0.0}};
+  TriangleMesh blade;
+  blade.vertices = {{-0.015, 0, -0.005}, {0.015, 0, -0.005}, {-0.015, 0, 0.05}, {0.015, 0, 0.05}};
+  blade.triangles = {{0, 1, 2}, {1, 3, 2}};
+  add_wall(s, "blade", MeshShape{"blade.stl", blade}).motion = {swing, carry};
+  for (const char* wall : {"shell", "floor", "lid", "blade"})
+    add_probe(s, Probe::Kind::wall_force, std::string(wall) + "_force", wall);
+  return s;
+}
+
+/// A hopper with a blade that turns, fed by inlets of every kind and drained by outlets of every kind; what falls out comes back.
+inline Scene refilled_hopper() {
+  Scene s = basic();
+  s.domain.low = {-0.06, -0.06, -0.02};
+  s.domain.high = {0.06, 0.06, 0.25};
+  s.time.gravity = {0.0, 0.0, -9.81};
+  s.particles = {lattice({}, 1.03 * d)};
+  std::get<LatticeFill>(s.particles[0].fill).region = CylinderRegion{{0, 0, 0.09}, 2, 0.05, 0.03};
+  s.particles[0].velocity_deviation = 0.1;
+  add_wall(s, "silo", CylinderShape{{0, 0, 0.05}, {0, 0, 1}, 0.055, 0.2});
+  add_wall(s, "cone", MeshShape{"cone.stl", shapes::cone_mesh(16, 3, 0.022, 0.055, 0.05)}, "steel");
+  TriangleMesh blade;
+  blade.vertices = {{-0.05, 0, 0.06}, {0.05, 0, 0.06}, {-0.05, 0, 0.08}, {0.05, 0, 0.08}};
+  blade.triangles = {{0, 1, 2}, {1, 3, 2}};
+  WallMotion turn;
+  turn.kind = WallMotion::Kind::rotate;
+  turn.speed = 9.0;
+  add_wall(s, "blade", MeshShape{"blade.stl", blade}, "steel").motion = {turn};
+
+  Inlet top;
+  top.name = "top";
+  top.material = "glass";
+  top.diameter.value = d;
+  top.where = CylinderRegion{{0, 0, 0.19}, 2, 0.05, 0.03};
+  top.number_rate = 900.0;
+  top.velocity = {0.1, 0.0, -1.0};
+  top.velocity_deviation = 0.1;
+  Inlet side = top;
+  side.name = "side";
+  side.material = "steel";
+  side.diameter.kind = SizeDistribution::Kind::uniform;
+  side.diameter.low = 0.006;
+  side.diameter.high = 0.009;
+  side.where = DiscShape{{0, 0, 0.17}, {0, 0.2, 1}, 0.05, 0.01};
+  side.number_rate.reset();
+  side.mass_rate = 0.5;
+  side.from = 0.01;
+  Inlet back = top;
+  back.name = "back";
+  back.number_rate.reset();
+  back.where = BoxRegion{{{-0.03, -0.03, 0.235}, {0.03, 0.03, 0.248}}};
+  Inlet kept = top;
+  kept.name = "kept";
+  kept.number_rate.reset();
+  kept.fill_count = 9;
+  kept.where = SphereRegion{{0, 0, 0.14}, 0.03};
+  kept.interval = 2e-3;
+  kept.until = 0.06;
+  Inlet crowded = top;  // finds no room for most of what it owes
+  crowded.name = "crowded";
+  crowded.number_rate = 4000.0;
+  crowded.where = PolygonShape{{{0.0, -0.045, 0.18}, {0.03, -0.02, 0.18}, {0.0, -0.005, 0.18}}};
+  crowded.from = 0.03;
+  s.inlets = {top, side, back, kept, crowded};
+
+  Outlet bottom{"bottom", 4};
+  bottom.recycles = "back";
+  Outlet ring{"ring", DiscShape{{0, 0, 0.001}, {0, 0, 1}, 0.015, 0.006}};
+  Outlet cut{"cut", Box{{0.0, 0.0, 0.08}, {0.06, 0.06, 0.12}}};
+  cut.from = 0.05;
+  cut.is_once = true;
+  TriangleMesh trap;
+  trap.vertices = {{-0.05, -0.05, 0.1}, {-0.02, -0.05, 0.1}, {-0.02, 0.0, 0.1}};
+  trap.triangles = {{0, 1, 2}};
+  Outlet net{"net", MeshShape{"trap.stl", trap}};
+  net.from = 0.06;
+  net.recycles = "back";
+  s.outlets = {bottom, ring, cut, net};
+  add_probe(s, Probe::Kind::mass, "mass");
+  add_probe(s, Probe::Kind::wall_force, "blade_force", "blade");
+  add_probe(s, Probe::Kind::mixing, "mixing");
+  s.output.probes.back().material = "steel";
+  return s;
+}
+
 struct Named {
   const char* name;
   Scene scene;
@@ -343,6 +486,9 @@ inline std::vector<Named> all() {
           {"polydisperse", polydisperse(), 3000},
           {"flat", flat(), 4000},
           {"mirrored", mirrored(), 3000},
+          {"drum", drum(), 2500},
+          {"refilled hopper", refilled_hopper(), 2500},
+          {"spouted bed", spouted_bed(), 1500},
           {"fluidised bed", fluidised_bed(), 2500},
           {"finely resolved", finely_resolved(), 500},
           {"conveyed", conveyed(), 2500},
