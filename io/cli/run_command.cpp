@@ -288,13 +288,18 @@ class RunLoop {
     times_.world.parcels += world_.times().parcels - before.parcels;
     times_.particle_steps += static_cast<double>(simulation_.n_grains());
     ++times_.n_steps;
-    say_what_balance_did();
-    for (const std::string& note : simulation_.take_notes()) log_.warn(note);
+    say_news();
     if (outputs_) outputs_->write_due(simulation_);
     if (times_.n_warm_up < request_.warm_up && times_.n_steps == request_.warm_up) end_warm_up();
   }
 
-  void say_what_balance_did() {
+  /// What the run has to say, as it comes up: warnings, and what the balance did.
+  void say_news() {
+    for (const std::string& note : simulation_.take_notes()) log_.warn(note);
+    if (simulation_.n_known_warnings() > n_said_) {
+      const std::vector<std::string> warnings = simulation_.known_warnings();
+      while (n_said_ < warnings.size()) log_.warn(warnings[n_said_++]);
+    }
     if (!world_.is_root()) return;
     for (const std::string& note : simulation_.take_balance_notes()) log_.say(note);
     const std::vector<BalanceRow> rows = simulation_.take_balance_rows();
@@ -403,6 +408,7 @@ class RunLoop {
   RunTimes times_;
   RunMark mark_;
   double outputs_before_ = 0.0;  // [s] of output in the warm-up
+  std::size_t n_said_ = 0;       // of the run's warnings
   bool is_new_ = true;
   std::optional<fs::path> resume_from_;
 };

@@ -262,6 +262,7 @@ RunSummary summary_of(const Json& json) {
   json.at("looks").get_to(run.n_looks);
   json.at("cuts").get_to(run.n_cuts);
   json.at("state_hash").get_to(run.hash);
+  if (const auto warnings = json.find("warnings"); warnings != json.end()) warnings->get_to(run.warnings);
   if (const auto gas = json.find("gas"); gas != json.end()) run.gas = gas_of(*gas);
   if (const auto balance = json.find("balance"); balance != json.end()) read_balance(*balance, run);
   for (const Json& phase : json.at("phases")) run.phases.push_back(phase.at("name"));
@@ -431,6 +432,7 @@ RunSummary summarize(const Simulation& simulation, const RunTimes& times, const 
   run.n_left = simulation.n_left();
   run.balance_mode = word_for(simulation.scene().run.balance);
   run.balance = simulation.balance();
+  run.warnings = simulation.step_warnings();
   run.gas = simulation.gas_totals();
   run.n_rebuilds = simulation.n_rebuilds() - mark.n_rebuilds;
   run.n_looks = simulation.n_looks() - mark.n_looks;
@@ -448,6 +450,7 @@ std::string summary_text(const RunSummary& run) {
   if (run.gas) text += gas_text(*run.gas);
   text += thread_text(run.thread_use());
   if (run.ranks.size() > 1) text += balance_text(run);
+  for (const std::string& warning : run.warnings) text += "warning: " + warning + '\n';
   const double held = run.over_ranks([](const RankSummary& rank) { return rank.memory; }).sum;
   const double peak = run.over_ranks([](const RankSummary& rank) { return rank.peak_memory; }).sum;
   text += fmt::format("memory: {} in grains, pairs and contacts{}; peak memory: {}", bytes_text(held),
@@ -479,6 +482,7 @@ std::string summary_json(const RunSummary& run) {
                {"balance", json_of(run.balance, run.balance_mode)},
                {"phases", phases_json(run)},
                {"state_hash", run.hash}});
+  if (!run.warnings.empty()) json["warnings"] = run.warnings;
   if (run.gas) json["gas"] = json_of(*run.gas);
   for (const RankSummary& rank : run.ranks) json["ranks"].push_back(json_of(rank));
   // Names of files need not be UTF-8.

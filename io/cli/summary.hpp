@@ -77,6 +77,7 @@ struct RunSummary {
                 n_cuts = 0;         // cuts: how often space was divided, those at the start included
   std::string balance_mode;         // as the scene has it
   BalanceTotals balance;            // of the whole process
+  std::vector<std::string> warnings;  // what the run did that its time step was not chosen for
   std::optional<GasTotals> gas;     // of the whole process, where the scene has gas
   std::vector<std::string> phases;  // those of the steps; the last is what they took beyond the others
   std::vector<RankSummary> ranks;
