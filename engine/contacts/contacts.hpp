@@ -89,6 +89,12 @@ class Contacts {
   /// are refreshed meanwhile, where they are not. `travelled` [m]: no grain of this rank has moved further since the rebuild.
   void advance(Particles& particles, const Kick& kick, double dt, double travelled, int n_threads, StepResult& result);
 
+  /// Further acceleration of each grain, three doubles, in the place of what the gas gives; nullptr: what the gas gives [m/s2]. It must
+  /// be there as long as it is set.
+  void set_push(const double* push) { push_ = push; }
+  /// Somebody has changed the state of the grains from outside: what other ranks know of them is old. All ranks.
+  void grains_changed() { ghosts_.set_fresh(world_.is_alone()); }
+
   /// Velocities at the present positions: those of the grains, half a step late, after `half_kick` (whose drift is zero) with
   /// the contact forces of now. Leaves grains and memory as they are.
   struct Velocities {
@@ -175,6 +181,7 @@ class Contacts {
   };
   std::optional<SetAside> set_aside_;
   ExactSum energy_left_;
+  const double* push_ = nullptr;
   std::uint64_t n_migrated_ = 0;
 };
 

@@ -1,0 +1,16 @@
+# Writes text files into a header as C++ strings: cmake -DTARGET=FILE -DNAMES=a;b -DFILES=x;y -P embed.cmake
+# String literals are cut into pieces that any compiler takes.
+set(header "// Made by embed.cmake from ${FILES}.\n#pragma once\n\n#include <string>\n\nnamespace moraine {\n")
+foreach(name file IN ZIP_LISTS NAMES FILES)
+  file(READ ${file} text)
+  string(LENGTH "${text}" length)
+  string(APPEND header "inline const std::string ${name} = std::string()")
+  set(at 0)
+  while(at LESS length)
+    string(SUBSTRING "${text}" ${at} 8000 piece)
+    string(APPEND header "\n  + R\"~~~~(${piece})~~~~\"")
+    math(EXPR at "${at} + 8000")
+  endwhile()
+  string(APPEND header ";\n")
+endforeach()
+file(WRITE ${TARGET} "${header}}  // namespace moraine\n")
