@@ -26,9 +26,9 @@ struct FieldNeeds {
 /// Where the values of one field of all grains of a rank lie, one row a grain.
 struct FieldView {
   const FieldInfo* info = nullptr;
-  void* values = nullptr;  // of the first grain; of the type in `info`
-  std::int64_t n = 0;      // grains
-  std::int64_t stride = 0;  // [bytes] from grain to grain
+  void* values = nullptr;              // of the first grain; of the type in `info`
+  std::int64_t n = 0;                  // grains
+  std::int64_t stride = 0;             // [bytes] from grain to grain
   std::shared_ptr<const void> keeper;  // keeps the memory there; after the next rebuild the grains lie elsewhere
 };
 

@@ -352,7 +352,9 @@ bool Simulation::Parts::look() {
   const double reach =
       std::floor(2.0 * left / (v + std::sqrt(v * v + 2.0 * g * left)));  // infinite where nothing moves
   if (reach < std::max(1.0, 0.125 * static_cast<double>(steps_since_rebuild))) return true;
-  const double furthest = body_force ? 1.0 : gas ? std::min<double>(64.0, static_cast<double>(gas->until_next(step))) : 64.0;
+  const double furthest = body_force ? 1.0
+                          : gas      ? std::min<double>(64.0, static_cast<double>(gas->until_next(step)))
+                                     : 64.0;
   const double n = std::min({furthest, 2.0 * static_cast<double>(step - last_surprise) + 1.0, reach});
   next_look = step + static_cast<std::uint64_t>(n);
   return false;

@@ -1,7 +1,6 @@
 #include "io/cli/layout.hpp"
 
 #include <sched.h>
-#include <sys/syscall.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -10,22 +9,11 @@
 #include <sstream>
 #include <thread>
 
+#include "io/cli/start_cpus.hpp"
+
 namespace moraine {
 
 namespace {
-
-constexpr std::size_t most_cpus = 1 << 14;
-cpu_set_t cpus_at_start[most_cpus / CPU_SETSIZE];  // all zero where they could not be read
-constexpr std::size_t set_bytes = sizeof cpus_at_start;
-
-/// Before anything is set up: a plain system call, and no check of a sanitizer.
-__attribute__((no_sanitize("address", "thread", "undefined"))) void note_cpus(int, char**, char**) {
-  syscall(SYS_sched_getaffinity, 0, set_bytes, cpus_at_start);
-}
-
-// OpenMP's library binds the main thread as it is loaded, before main() and before any constructor of this program. The
-// loader runs this array before the libraries' constructors.
-__attribute__((section(".preinit_array"), used)) void (*note_cpus_first)(int, char**, char**) = note_cpus;
 
 std::string text_of(const RankCpus& rank) {
   std::string text = rank.node;
@@ -70,7 +58,7 @@ std::vector<Crowd> crowds_of(const std::vector<RankCpus>& ranks) {
 std::vector<int> available_cpus() {
   std::vector<int> cpus;
   for (std::size_t cpu = 0; cpu < most_cpus; ++cpu)
-    if (CPU_ISSET_S(cpu, set_bytes, cpus_at_start)) cpus.push_back(static_cast<int>(cpu));
+    if (CPU_ISSET_S(cpu, cpu_set_bytes, cpus_at_start())) cpus.push_back(static_cast<int>(cpu));
   if (cpus.empty())
     for (unsigned cpu = 0; cpu < std::max(1u, std::thread::hardware_concurrency()); ++cpu)
       cpus.push_back(static_cast<int>(cpu));
@@ -80,7 +68,7 @@ std::vector<int> available_cpus() {
 int available_cores() { return static_cast<int>(available_cpus().size()); }
 
 void take_back_cpus() {
-  if (CPU_COUNT_S(set_bytes, cpus_at_start) > 0) sched_setaffinity(0, set_bytes, cpus_at_start);
+  if (CPU_COUNT_S(cpu_set_bytes, cpus_at_start()) > 0) sched_setaffinity(0, cpu_set_bytes, cpus_at_start());
 }
 
 Layout parse_layout(const std::string& text) {

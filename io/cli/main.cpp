@@ -299,8 +299,9 @@ void add_render(CLI::App& app, Command& chosen) {
       ->add_option("--range", request->style.range,
                    "least and greatest value of the colours (default: those of the snapshot)")
       ->expected(2);
-  command->add_option("--gas", request->style.gas,
-                      "also a slice of the gas in the middle, coloured by this: void_fraction, pressure, gas_speed ...");
+  command->add_option(
+      "--gas", request->style.gas,
+      "also a slice of the gas in the middle, coloured by this: void_fraction, pressure, gas_speed ...");
   command->add_option("--size", request->size, "WIDTHxHEIGHT in pixels (default: 1280x960)");
   command->add_option("--view", request->style.view, "azimuth and elevation of the camera [degrees]")->expected(2);
   command->add_option("--out", request->out, "file (default: RUN/pictures/STEP.png)");
@@ -318,8 +319,7 @@ void add_view(CLI::App& app, Command& chosen) {
   command->add_option("RUN", request->run, "run directory, or one snapshot")->required();
   command->add_option("--field", request->field, "what the grains are coloured by (default: speed)");
   command
-      ->add_option("--range", request->range,
-                   "least and greatest value of the colours (default: those of most grains)")
+      ->add_option("--range", request->range, "least and greatest value of the colours (default: those of most grains)")
       ->expected(2);
   command->add_option("--grains", request->most_grains, "of more than so many an even share is shown (default: 30000)")
       ->check(at_least(1));
@@ -338,8 +338,10 @@ void add_plot(CLI::App& app, Command& chosen) {
   auto* command = app.add_subcommand("plot", "time series, profiles and phases of a run as pictures, by gnuplot");
   auto request = std::make_shared<PlotRequest>();
   command->add_option("RUN", request->run, "run directory")->required();
-  command->add_flag_callback("--svg", [request] { request->formats.push_back("svg"); }, "SVG (default: both)");
-  command->add_flag_callback("--png", [request] { request->formats.push_back("png"); }, "PNG");
+  command->add_flag_callback(
+      "--svg", [request] { request->formats.push_back("svg"); }, "SVG (default: both)");
+  command->add_flag_callback(
+      "--png", [request] { request->formats.push_back("png"); }, "PNG");
   command->add_option("--out", request->out, "directory (default: RUN/plots)");
   command->callback([&chosen, request] {
     chosen = [request] {

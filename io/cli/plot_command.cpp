@@ -134,9 +134,10 @@ std::string script_of(const std::vector<Plot>& plots, const std::vector<std::str
   std::string text = "# gnuplot plots.gnuplot draws the pictures beside it.\n";
   for (const Plot& plot : plots)
     for (const std::string& format : formats)
-      text += fmt::format("\nreset\nset grid lc rgb '#dddddd'\nset border 3\nset tics nomirror\nset key outside below noenhanced\n"
-                          "set title noenhanced\nset xlabel noenhanced\nset ylabel noenhanced\n{}{}set output\n",
-                          terminal(format, plot.name), plot.script);
+      text += fmt::format(
+          "\nreset\nset grid lc rgb '#dddddd'\nset border 3\nset tics nomirror\nset key outside below noenhanced\n"
+          "set title noenhanced\nset xlabel noenhanced\nset ylabel noenhanced\n{}{}set output\n",
+          terminal(format, plot.name), plot.script);
   return text;
 }
 

@@ -33,13 +33,15 @@ GasSlice gas_slice(const Image& image, const std::string& name, int axis) {
                                      : std::vector{name})
     if (const GridArray* const array = find(image, cells, part)) parts.push_back(array);
   if (parts.empty())
-    throw ExportError("\"" + name + "\" is no quantity of the gas in the snapshot; it has " + known_names(image, cells));
+    throw ExportError("\"" + name + "\" is no quantity of the gas in the snapshot; it has " +
+                      known_names(image, cells));
 
   GasSlice slice;
   slice.axis = axis;
   slice.label = name == "gas_speed" ? "gas speed" : name;
   if (!parts[0]->unit.empty()) slice.label += " [" + parts[0]->unit + "]";
-  const auto across = static_cast<std::size_t>(axis), u = across == 0 ? 1u : 0u, v = across == 2 ? 1u : 2u;
+  const auto across = static_cast<std::size_t>(axis);
+  const std::size_t u = across == 0 ? 1 : 0, v = across == 2 ? 1 : 2;
   slice.n = {cells[u], cells[v]};
   std::array<int, 3> at{};
   at[across] = cells[across] / 2;

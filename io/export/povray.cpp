@@ -286,8 +286,9 @@ std::string slice_text(const GasSlice& slice, const Image& image, const Drawing&
         p[v] = low[v] + (j + b) * dv;
         return povray_vector(drawing.point(p));
       };
-      const double value = slice.values[static_cast<std::size_t>(j) * static_cast<std::size_t>(slice.n[0]) +
-                                        static_cast<std::size_t>(i)];
+      const double value =
+          slice
+              .values[static_cast<std::size_t>(j) * static_cast<std::size_t>(slice.n[0]) + static_cast<std::size_t>(i)];
       const double share = bar.high > bar.low ? (value - bar.low) / (bar.high - bar.low) : 0.5;
       text += fmt::format(
           "mesh {{ triangle {{ {0}, {1}, {2} }} triangle {{ {0}, {2}, {3} }} texture {{ pigment {{ {4} }} finish {{ "
@@ -340,8 +341,7 @@ std::string povray_text(const Image& image, const Scene* scene, const PictureSty
     if (style.gas_range.size() == 2) gas_bar.low = style.gas_range[0], gas_bar.high = style.gas_range[1];
     text += slice_text(slice, image, drawing, gas_bar);
     const double side = camera.ahead[slice.axis] > 0.0 ? 1.0 : -1.0;
-    if (!is_seen_flat)
-      is_hidden = [slice, side](Vec3 p) { return side * (p[slice.axis] - slice.place) < 0.0; };
+    if (!is_seen_flat) is_hidden = [slice, side](Vec3 p) { return side * (p[slice.axis] - slice.place) < 0.0; };
   }
   text += grains_text(image, drawing, values.values, low, high, is_hidden);
   const double legend_left = right_end(camera, box) * style.aspect + 0.12;

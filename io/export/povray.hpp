@@ -12,13 +12,13 @@
 namespace moraine {
 
 struct PictureStyle {
-  std::string field = "speed";  // see grain_values()
-  std::string gas;              // what a slice of the gas in the middle is coloured by, see gas_slice(); empty: none
+  std::string field = "speed";    // see grain_values()
+  std::string gas;                // what a slice of the gas in the middle is coloured by, see gas_slice(); empty: none
   std::vector<double> gas_range;  // least and greatest value of its colours; empty: those of the slice
-  std::vector<double> range;    // least and greatest value of the colours; empty: those of most grains
-  std::vector<double> view;     // azimuth, elevation [degrees]; empty: from the front, a little from above
-  double aspect = 4.0 / 3.0;    // width over height
-  std::optional<Box> frame;     // what the picture shows [m]; none: frame_of() of this snapshot
+  std::vector<double> range;      // least and greatest value of the colours; empty: those of most grains
+  std::vector<double> view;       // azimuth, elevation [degrees]; empty: from the front, a little from above
+  double aspect = 4.0 / 3.0;      // width over height
+  std::optional<Box> frame;       // what the picture shows [m]; none: frame_of() of this snapshot
 };
 
 /// What a picture of a snapshot should show: the grains and the walls of finite size, within the domain.

@@ -79,8 +79,7 @@ RunTable read_table(const fs::path& file) {
     if (cells.size() != header.size()) continue;  // the last one of a run that is being written
     table.time.push_back(number_of(cells[time_at]).value_or(std::numeric_limits<double>::quiet_NaN()));
     for (std::size_t k = 0; k < places.size(); ++k)
-      table.columns[k].values.push_back(
-          number_of(cells[places[k]]).value_or(std::numeric_limits<double>::quiet_NaN()));
+      table.columns[k].values.push_back(number_of(cells[places[k]]).value_or(std::numeric_limits<double>::quiet_NaN()));
   }
   std::erase_if(table.columns, [](const TableColumn& column) {
     return std::none_of(column.values.begin(), column.values.end(), [](double v) { return std::isfinite(v); });
@@ -109,9 +108,8 @@ std::vector<ColumnGroup> column_groups(const RunTable& table) {
   for (std::size_t k = 0; k < table.columns.size(); ++k) {
     const TableColumn& column = table.columns[k];
     const std::string quantity = column.place ? column.quantity : std::string();
-    auto group = std::find_if(groups.begin(), groups.end(), [&](const ColumnGroup& g) {
-      return g.quantity == quantity && g.unit == column.unit;
-    });
+    auto group = std::find_if(groups.begin(), groups.end(),
+                              [&](const ColumnGroup& g) { return g.quantity == quantity && g.unit == column.unit; });
     if (group == groups.end()) group = groups.insert(groups.end(), {quantity, column.unit, {}});
     group->columns.push_back(k);
   }

@@ -96,8 +96,8 @@ std::string frame_bytes(const Image& image, const std::vector<double>& values, c
     }
   for (const std::size_t i : shown) append(bytes, quantised<std::uint16_t>(radius[i] / scale.largest_radius));
   for (const std::size_t i : shown)
-    append(bytes, quantised<std::uint8_t>(scale.high > scale.low ? (values[i] - scale.low) / (scale.high - scale.low)
-                                                                 : 0.5));
+    append(bytes,
+           quantised<std::uint8_t>(scale.high > scale.low ? (values[i] - scale.low) / (scale.high - scale.low) : 0.5));
   return bytes;
 }
 
@@ -208,7 +208,10 @@ std::string replaced(std::string text, const std::string& mark, const std::strin
 std::string escaped_html(const std::string& text) {
   std::string out;
   for (const char c : text)
-    out += c == '&' ? std::string("&amp;") : c == '<' ? std::string("&lt;") : c == '>' ? std::string("&gt;") : std::string(1, c);
+    out += c == '&'   ? std::string("&amp;")
+           : c == '<' ? std::string("&lt;")
+           : c == '>' ? std::string("&gt;")
+                      : std::string(1, c);
   return out;
 }
 
@@ -230,7 +233,8 @@ std::string view_run(const ViewRequest& request) {
   const std::vector<fs::path> files = even_share(frames.files, request.most_frames);
   const Scale scale = scale_of(files, scene ? &*scene : nullptr, request);
 
-  const std::string title = scene && !scene->title.empty() ? scene->title : fs::absolute(request.run).filename().string();
+  const std::string title =
+      scene && !scene->title.empty() ? scene->title : fs::absolute(request.run).filename().string();
   Json page = {{"title", title},
                {"low", json_of(scale.box.low)},
                {"high", json_of(scale.box.high)},

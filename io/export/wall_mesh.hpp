@@ -12,7 +12,7 @@ namespace moraine {
 
 struct WallMesh {
   std::string name;
-  double from = 0.0, until = infinity;  // [s] when it is there
+  double from = 0.0, until = infinity;         // [s] when it is there
   std::vector<std::array<Vec3, 3>> triangles;  // [m]
   std::vector<std::array<Vec3, 2>> lines;      // [m] rims and sharp edges
 };

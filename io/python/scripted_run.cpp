@@ -46,8 +46,9 @@ int choose_threads(const Scene& scene, std::optional<int> threads, const World& 
   if (threads) return *threads;
   const Layout layout = parse_layout(scene.run.layout);
   if (layout.ranks > 1)
-    throw UsageError(fmt::format("the scene asks for {} ranks (run.layout): start the script by mpirun -n {}, or give threads",
-                                 layout.ranks, layout.ranks));
+    throw UsageError(
+        fmt::format("the scene asks for {} ranks (run.layout): start the script by mpirun -n {}, or give threads",
+                    layout.ranks, layout.ranks));
   return layout.threads;
 }
 
@@ -55,8 +56,9 @@ std::unique_ptr<Simulation> go_on_from(const fs::path& path, const Scene& scene,
   const Checkpoint checkpoint = read_checkpoint(path, world);
   auto simulation = std::make_unique<Simulation>(scene, threads, checkpoint.image, world);
   if (!(simulation->state_hash() == checkpoint.image.hash))
-    throw StorageError(path, "cannot be gone on from: the state restored has another hash than the one stored; this "
-                             "program and the one that wrote it differ");
+    throw StorageError(path,
+                       "cannot be gone on from: the state restored has another hash than the one stored; this "
+                       "program and the one that wrote it differ");
   return simulation;
 }
 
@@ -140,7 +142,8 @@ void ScriptedRun::start(const ScriptScene& scene, const std::optional<fs::path>&
 
 Simulation& ScriptedRun::whole() const {
   if (!simulation_) throw std::runtime_error(why_over_);
-  if (is_in_body_force_) throw std::runtime_error("a body force may look at the grains, and do nothing else with the run");
+  if (is_in_body_force_)
+    throw std::runtime_error("a body force may look at the grains, and do nothing else with the run");
   return *simulation_;
 }
 const Simulation& ScriptedRun::simulation() const {
@@ -249,8 +252,9 @@ FieldView ScriptedRun::view(const std::string& name) {
   if (!simulation_) throw std::runtime_error(why_over_);
   Simulation& run = *simulation_;
   const std::optional<Field> field = field_by_name(name);
-  if (!field) throw py::key_error(fmt::format("there is no field \"{}\"; this run has {}", name,
-                                              py::str(py::str(", ").attr("join")(fields())).cast<std::string>()));
+  if (!field)
+    throw py::key_error(fmt::format("there is no field \"{}\"; this run has {}", name,
+                                    py::str(py::str(", ").attr("join")(fields())).cast<std::string>()));
   if (!is_in_body_force_) run.remove_left();
   if (const auto found = run.view(*field)) return *found;
   const bool is_for_output = info(*field).need == Need::requested;
@@ -264,7 +268,8 @@ py::array ScriptedRun::writable(const std::string& name) {
   whole();
   const FieldView field = view(name);
   if (field.info->travel != Travel::every_step)
-    throw std::invalid_argument(fmt::format("field \"{}\" cannot be changed; position, velocity and angular_velocity can", name));
+    throw std::invalid_argument(
+        fmt::format("field \"{}\" cannot be changed; position, velocity and angular_velocity can", name));
   return array_of(field, true);
 }
 
@@ -287,7 +292,8 @@ py::dict ScriptedRun::fields() const {
   for (const FieldInfo& row : field_table) {
     const auto view = simulation_->view(row.field);
     if (!view) continue;
-    const auto shape = row.components == 1 ? py::tuple(py::make_tuple(view->n)) : py::tuple(py::make_tuple(view->n, row.components));
+    const auto shape =
+        row.components == 1 ? py::tuple(py::make_tuple(view->n)) : py::tuple(py::make_tuple(view->n, row.components));
     all[std::string(row.name).c_str()] = py::make_tuple(std::string(row.unit), shape);
   }
   return all;

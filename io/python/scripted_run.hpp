@@ -88,7 +88,8 @@ class ScriptedRun {
   std::chrono::steady_clock::time_point next_look_;
   bool is_stopping_ = false, is_advancing_ = false;
   bool is_in_body_force_ = false;  // the grains must stay where they are
-  std::string why_over_;  // it cannot be stepped any more, or not before the grains have been put in order; empty: it can
+  std::string
+      why_over_;  // it cannot be stepped any more, or not before the grains have been put in order; empty: it can
   bool is_spoiled_ = false;  // by edited grains
 };
 

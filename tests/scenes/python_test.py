@@ -45,6 +45,10 @@ def one_grain(velocity=(0, 0, 0), **changes):
     return box(**{**free, **changes})
 
 
+def open_faces():
+    return [{"name": face, "face": face} for face in ("x-low", "x-high", "y-low", "y-high", "z-low", "z-high")]
+
+
 class Scenes(unittest.TestCase):
     def test_python_values_text_and_file_give_the_same_bits(self):
         by_values = moraine.Simulation(box(), threads=1)
@@ -162,8 +166,7 @@ class Arrays(unittest.TestCase):
         np.testing.assert_array_equal(run.gather("velocity")[run.gid], run.velocity)
 
     def test_those_who_have_left_are_not_in_the_arrays(self):
-        run = moraine.Simulation(box(wall=[], outlet=[{"name": "all", "face": f} for f in
-                                                      ("x-low", "x-high", "y-low", "y-high", "z-low", "z-high")]))
+        run = moraine.Simulation(box(wall=[], outlet=open_faces()))
         while run.n_left == 0:
             run.step(10)
         self.assertTrue(np.isfinite(run.position).all())
@@ -399,8 +402,7 @@ class BodyForces(unittest.TestCase):
                 run.step()
 
     def test_it_goes_on_where_grains_leave_and_the_ledger_is_asked(self):
-        faces = ("x-low", "x-high", "y-low", "y-high", "z-low", "z-high")
-        run = moraine.Simulation(box(wall=[], outlet=[{"name": f, "face": f} for f in faces], output={"energy": True}))
+        run = moraine.Simulation(box(wall=[], outlet=open_faces(), output={"energy": True}))
         run.set_body_force(lambda r: 0.5 * r.velocity)
         while run.n_left < 20:
             run.step(10)

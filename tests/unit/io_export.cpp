@@ -11,10 +11,10 @@
 #include "io/export/colour_map.hpp"
 #include "io/export/csv.hpp"
 #include "io/export/export.hpp"
+#include "io/export/gas_slice.hpp"
 #include "io/export/grain_values.hpp"
 #include "io/export/povray.hpp"
 #include "io/export/povray_walls.hpp"
-#include "io/export/gas_slice.hpp"
 #include "io/export/render.hpp"
 #include "io/export/run_tables.hpp"
 #include "io/export/tecplot.hpp"
@@ -323,8 +323,9 @@ TEST_CASE("time series are read back, profiles apart from the rest") {
 TEST_CASE("a slice of the gas has the cells of the middle layer, and unknown quantities are named") {
   Image image = make_image(3);
   add_gas(image, {3, 4, 5});
-  const GridArray& first = *std::find_if(image.grids.begin(), image.grids.end(),
-                                         [](const GridArray& grid) { return grid.n == std::array{3, 4, 5}; });
+  const GridArray& first = *std::find_if(image.grids.begin(), image.grids.end(), [](const GridArray& grid) {
+    return grid.n == std::array{3, 4, 5};
+  });
   const GasSlice slice = gas_slice(image, first.name, 1);
   CHECK(slice.n == std::array{3, 5});
   REQUIRE(slice.values.size() == 15);
