@@ -1,5 +1,8 @@
-# Writes text files into a header as C++ strings: cmake -DTARGET=FILE -DNAMES=a;b -DFILES=x;y -P embed.cmake
+# Writes text files into a header as C++ strings: cmake -DTARGET=FILE -DNAMES=a,b -DFILES=x,y -P embed.cmake
 # String literals are cut into pieces that any compiler takes.
+cmake_minimum_required(VERSION 3.22)
+string(REPLACE "," ";" NAMES "${NAMES}")
+string(REPLACE "," ";" FILES "${FILES}")
 set(header "// Made by embed.cmake from ${FILES}.\n#pragma once\n\n#include <string>\n\nnamespace moraine {\n")
 foreach(name file IN ZIP_LISTS NAMES FILES)
   file(READ ${file} text)
