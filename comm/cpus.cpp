@@ -2,30 +2,17 @@
 
 #include <hwloc.h>
 #include <sched.h>
-#include <sys/syscall.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <map>
 #include <memory>
 #include <thread>
 
+#include "comm/start_cpus.hpp"
+
 namespace moraine {
 
 namespace {
-
-constexpr std::size_t most_cpus = 1 << 14;
-cpu_set_t cpus_at_start[most_cpus / CPU_SETSIZE];  // all zero where they could not be read
-constexpr std::size_t set_bytes = sizeof cpus_at_start;
-
-/// Before anything is set up: a plain system call, and no check of a sanitizer.
-__attribute__((no_sanitize("address", "thread", "undefined"))) void note_cpus(int, char**, char**) {
-  syscall(SYS_sched_getaffinity, 0, set_bytes, cpus_at_start);
-}
-
-// OpenMP's library binds the main thread as it is loaded, before main() and before any constructor of this program. The
-// loader runs this array before the libraries' constructors.
-__attribute__((section(".preinit_array"), used)) void (*note_cpus_first)(int, char**, char**) = note_cpus;
 
 using Topology = std::unique_ptr<hwloc_topology, decltype(&hwloc_topology_destroy)>;
 
@@ -54,7 +41,7 @@ int numa_node_of(hwloc_topology_t machine, hwloc_obj_t of) {
 std::vector<int> available_cpus() {
   std::vector<int> cpus;
   for (std::size_t cpu = 0; cpu < most_cpus; ++cpu)
-    if (CPU_ISSET_S(cpu, set_bytes, cpus_at_start)) cpus.push_back(static_cast<int>(cpu));
+    if (CPU_ISSET_S(cpu, cpu_set_bytes, cpus_at_start())) cpus.push_back(static_cast<int>(cpu));
   if (cpus.empty())
     for (unsigned cpu = 0; cpu < std::max(1u, std::thread::hardware_concurrency()); ++cpu)
       cpus.push_back(static_cast<int>(cpu));
@@ -64,7 +51,7 @@ std::vector<int> available_cpus() {
 int available_cores() { return static_cast<int>(available_cpus().size()); }
 
 void take_back_cpus() {
-  if (CPU_COUNT_S(set_bytes, cpus_at_start) > 0) sched_setaffinity(0, set_bytes, cpus_at_start);
+  if (CPU_COUNT_S(cpu_set_bytes, cpus_at_start()) > 0) sched_setaffinity(0, cpu_set_bytes, cpus_at_start());
 }
 
 std::vector<Core> cores_of(const std::vector<int>& cpus) {
@@ -93,8 +80,8 @@ std::vector<Core> cores_of(const std::vector<int>& cpus) {
 bool run_on(const std::vector<int>& cpus) {
   if (cpus.empty()) return true;
   cpu_set_t set[most_cpus / CPU_SETSIZE] = {};
-  for (const int cpu : cpus) CPU_SET_S(static_cast<std::size_t>(cpu), set_bytes, set);
-  return sched_setaffinity(0, set_bytes, set) == 0;
+  for (const int cpu : cpus) CPU_SET_S(static_cast<std::size_t>(cpu), cpu_set_bytes, set);
+  return sched_setaffinity(0, cpu_set_bytes, set) == 0;
 }
 
 }  // namespace moraine

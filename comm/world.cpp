@@ -76,13 +76,17 @@ bool World::is_launched() {
 
 World World::join() {
   if (!is_launched()) return {};
-  int provided = 0;
-  MPI_Init_thread(nullptr, nullptr, MPI_THREAD_FUNNELED, &provided);
+  int provided = 0, is_running = 0;
+  MPI_Initialized(&is_running);  // by who has loaded us (mpi4py): then MPI is theirs to end
+  if (is_running)
+    MPI_Query_thread(&provided);
+  else
+    MPI_Init_thread(nullptr, nullptr, MPI_THREAD_FUNNELED, &provided);
   if (provided < MPI_THREAD_FUNNELED)
     throw std::runtime_error("this MPI library does not allow threads: Moraine needs MPI_THREAD_FUNNELED");
   MPI_Comm own;
   MPI_Comm_dup(MPI_COMM_WORLD, &own);
-  return World(std::make_shared<Group>(own, true));
+  return World(std::make_shared<Group>(own, !is_running));
 }
 
 int World::rank() const { return group_ ? group_->rank : 0; }

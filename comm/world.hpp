@@ -33,8 +33,8 @@ class World {
   World() = default;
   /// True where a launcher (mpirun, srun) has started this process as one of several, or as the only one of a job of one.
   static bool is_launched();
-  /// All ranks of the job, where a launcher has started it; else alone. MPI is started here, and ended when the last
-  /// World of the process goes. Once in a process.
+  /// All ranks of the job, where a launcher has started it; else alone. MPI is started here unless it runs already, and then ended when the
+  /// last World of the process goes. Once in a process.
   static World join();
 
   int rank() const;

@@ -180,7 +180,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   sums.kick = kick;
   sums.dissipated = choice_.has_ledger ? particles.dissipated() : nullptr;
   sums.force = particles.force();
-  sums.push = particles.gas_acceleration();
+  sums.push = push_ ? push_ : particles.gas_acceleration();
   sums.torque = particles.torque();
 
   StepResult& result = step.result;

@@ -107,6 +107,12 @@ class Contacts {
   /// Work of moving walls since the start of this process, and pushes on servos in the last step; of this rank.
   const WallSums& wall_sums() const { return wall_sums_; }
 
+  /// Further acceleration of each grain, three doubles, in the place of what the gas gives; nullptr: what the gas gives [m/s2]. It must
+  /// be there as long as it is set.
+  void set_push(const double* push) { push_ = push; }
+  /// Somebody has changed the state of the grains from outside: what other ranks know of them is old. All ranks.
+  void grains_changed() { ghosts_.set_fresh(world_.is_alone()); }
+
   /// Velocities at the present positions: those of the grains, half a step late, after `half_kick` (whose drift is zero) with
   /// the contact forces of now. Leaves grains and memory as they are.
   struct Velocities {
@@ -197,6 +203,7 @@ class Contacts {
   std::optional<SetAside> set_aside_;
   ExactSum energy_left_;
   WallSums wall_sums_;
+  const double* push_ = nullptr;
   std::uint64_t n_migrated_ = 0;
 };
 

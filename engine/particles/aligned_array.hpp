@@ -1,11 +1,13 @@
 // A growable array of plain values, aligned for vector loads, on huge pages where it is large. Growing keeps what was there
-// only where asked, so that scratch arrays cost no copy.
+// only where asked, so that scratch arrays cost no copy. Memory lives as long as anyone holds its keeper: who shows it to the outside (Python)
+// may outlive the array.
 #pragma once
 
 #include <sys/mman.h>
 
 #include <cstdlib>
 #include <cstring>
+#include <memory>
 #include <new>
 #include <type_traits>
 #include <utility>
@@ -25,9 +27,10 @@ class AlignedArray {
     swap(other);
     return *this;
   }
-  ~AlignedArray() { std::free(data_); }
+  ~AlignedArray() = default;
 
   void swap(AlignedArray& other) noexcept {
+    std::swap(keeper_, other.keeper_);
     std::swap(data_, other.data_);
     std::swap(size_, other.size_);
     std::swap(capacity_, other.capacity_);
@@ -35,10 +38,9 @@ class AlignedArray {
   /// Makes room for n values; what was there is lost where the array has to grow.
   void resize_discarding(std::size_t n) {
     if (n > capacity_) {
-      std::free(data_);
-      data_ = nullptr;
-      capacity_ = 0;
+      release();
       data_ = allocate(n + n / 32);
+      keeper_ = std::shared_ptr<void>(data_, std::free);
       capacity_ = n + n / 32;
     }
     size_ = n;
@@ -56,6 +58,8 @@ class AlignedArray {
   /// Gives the memory back.
   void release() { AlignedArray().swap(*this); }
 
+  /// Keeps the memory there, whatever becomes of the array.
+  std::shared_ptr<const void> keeper() const { return keeper_; }
   T* data() { return data_; }
   const T* data() const { return data_; }
   std::size_t size() const { return size_; }
@@ -76,6 +80,7 @@ class AlignedArray {
     return static_cast<T*>(memory);
   }
 
+  std::shared_ptr<void> keeper_;
   T* data_ = nullptr;
   std::size_t size_ = 0;
   std::size_t capacity_ = 0;

@@ -78,6 +78,26 @@ void Particles::set_real(Field field, std::int64_t i, int c, double value) {
     const_cast<AlignedArray<double>&>(own_array(field))[static_cast<std::size_t>(i * row.components + c)] = value;
 }
 
+FieldView Particles::view(Field field) {
+  FieldView view;
+  view.info = &info(field);
+  view.n = size_;
+  const auto show = [&](auto& array, std::int64_t first, std::int64_t width) {
+    view.values = array.data() + first;
+    view.stride = width * static_cast<std::int64_t>(sizeof(*array.data()));
+    view.keeper = array.keeper();
+  };
+  if (view.info->record_slot >= 0)
+    show(records_, view.info->record_slot, stride_);
+  else if (field == Field::gid)
+    show(gid_, 0, 1);
+  else if (field == Field::material)
+    show(material_, 0, 1);
+  else
+    show(const_cast<AlignedArray<double>&>(own_array(field)), 0, view.info->components);
+  return view;
+}
+
 template <typename T>
 void Particles::gather(AlignedArray<T>& values, std::int64_t width, std::span<const std::int32_t> order,
                        std::size_t n_rows, int n_threads) {

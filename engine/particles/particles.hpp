@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -20,6 +21,15 @@ struct FieldNeeds {
   bool force = false;  // contact force of each grain, for output
   bool torque = false;
   bool gas = false;  // grains feel a gas
+};
+
+/// Where the values of one field of all grains of a rank lie, one row a grain.
+struct FieldView {
+  const FieldInfo* info = nullptr;
+  void* values = nullptr;              // of the first grain; of the type in `info`
+  std::int64_t n = 0;                  // grains
+  std::int64_t stride = 0;             // [bytes] from grain to grain
+  std::shared_ptr<const void> keeper;  // keeps the memory there; after the next rebuild the grains lie elsewhere
 };
 
 class Particles {
@@ -72,6 +82,8 @@ class Particles {
   /// Reads and writes any real field by the table; component c of grain i.
   double real(Field field, std::int64_t i, int c) const;
   void set_real(Field field, std::int64_t i, int c, double value);
+  /// The field must be there (has()).
+  FieldView view(Field field);
   void set_gid(std::int64_t i, std::uint64_t gid) { gid_[static_cast<std::size_t>(i)] = gid; }
   void set_material(std::int64_t i, std::uint16_t m) { material_[static_cast<std::size_t>(i)] = m; }
 

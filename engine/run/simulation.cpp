@@ -9,6 +9,7 @@
 #include <cmath>
 #include <numeric>
 #include <optional>
+#include <stdexcept>
 
 #include "comm/totals.hpp"
 #include "engine/contacts/contacts.hpp"
@@ -143,9 +144,12 @@ struct Simulation::Parts {
   std::uint64_t step = 0;
   double dt = 0.0;
   CensusTaker census;                    // of this rank
+  std::uint64_t n_left_at_rebuild = 0;   // of this rank: who has left since then still has a place in the arrays
   std::uint64_t n_born = 0, n_left = 0;  // of all ranks, when they last counted
   std::uint64_t n_ever_born = 0;         // of all ranks, always: the next gid
   std::vector<std::string> notes;        // what a user should know
+  BodyForce body_force;
+  std::vector<double> push;  // [m/s2] three values a grain, with what the gas gives; empty without body force
   double energy_initial = 0.0;
   bool has_energy_initial = false;
   std::vector<std::vector<double>> probe_memory;
@@ -222,6 +226,8 @@ struct Simulation::Parts {
   Kick kick_of(double h) const;
   void advance();
   void cross_faces();
+  void apply_body_force();
+  std::string fault_of_grains() const;
   void guard();
   void tick();
 
@@ -357,13 +363,25 @@ double Simulation::Parts::largest_travel() const {
   return std::sqrt(*std::max_element(squares.begin(), squares.end()));
 }
 
-/// The largest acceleration that the gas gives a grain [m/s2].
+/// The largest acceleration that the gas gives a grain, or the body force has given it in the last step [m/s2].
 double Simulation::Parts::largest_push() const {
   double largest = 0.0;
   if (particles.has(Field::gas_acceleration))
     for (std::int32_t i = 0; i < particles.size(); ++i)
       largest = std::max(largest, squared_length(particles.gas_acceleration(i)));
+  for (std::size_t k = 0; k + 2 < push.size(); k += 3)
+    largest = std::max(largest, squared_length(Vec3{push[k], push[k + 1], push[k + 2]}));
   return std::sqrt(largest);
+}
+
+/// Asks for the body force at the present positions, and adds what the gas gives.
+void Simulation::Parts::apply_body_force() {
+  if (!body_force) return;
+  push.assign(3 * static_cast<std::size_t>(particles.size()), 0.0);
+  body_force(push);
+  if (const double* const gas_push = particles.gas_acceleration())
+    for (std::size_t k = 0; k < push.size(); ++k) push[k] += gas_push[k];
+  contacts->set_push(push.data());
 }
 
 /// The gas steps to the grains as they are, and sets what they feel until it steps again.
@@ -423,7 +441,9 @@ bool Simulation::Parts::look() {
   const double reach =
       std::floor(2.0 * left / (v + std::sqrt(v * v + 2.0 * g * left)));  // infinite where nothing moves
   if (reach < std::max(1.0, 0.125 * static_cast<double>(steps_since_rebuild))) return true;
-  const double furthest = gas ? std::min<double>(64.0, static_cast<double>(gas->until_next(step))) : 64.0;
+  const double furthest = body_force ? 1.0
+                          : gas      ? std::min<double>(64.0, static_cast<double>(gas->until_next(step)))
+                                     : 64.0;
   const double n = std::min({furthest, 2.0 * static_cast<double>(step - last_surprise) + 1.0, reach});
   next_look = step + static_cast<std::uint64_t>(n);
   return false;
@@ -480,6 +500,7 @@ void Simulation::Parts::after_rebuild() {
   is_list_old = false;
   travelled = 0.0;
   steps_since_rebuild = 0;
+  n_left_at_rebuild = census.n_left;
   if (time() >= next_wall_change) last_surprise = step;
   next_wall_change = walls.next_change(time());
   place_at_rebuild.resize(static_cast<std::size_t>(particles.size()));
@@ -634,6 +655,26 @@ void Simulation::Parts::cross_faces() {
   }
 }
 
+/// What is wrong with positions and velocities that come from outside; empty where nothing is.
+std::string Simulation::Parts::fault_of_grains() const {
+  const Box box = scene.domain.box();
+  const auto is_finite = [](Vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); };
+  std::uint64_t n_away = 0;
+  for (std::int32_t i = 0; i < particles.size(); ++i) {
+    if (!particles.is_here(i)) {
+      ++n_away;
+      continue;
+    }
+    const bool is_sound = is_finite(particles.position(i)) && is_finite(particles.velocity(i)) &&
+                          is_finite(particles.angular_velocity(i));
+    if (is_sound && box.contains(particles.position(i))) continue;
+    return "the grain with gid " + std::to_string(particles.gid(i)) +
+           (is_sound ? " has been put outside the domain" : " has been given a position or velocity that is not finite");
+  }
+  if (n_away != census.n_left - n_left_at_rebuild) return "a grain has been given a position that is not a number";
+  return {};
+}
+
 void Simulation::Parts::guard() {
   start(Phase::guard);
   watch.see(result.max_speed, time());
@@ -708,6 +749,7 @@ CensusTaker Simulation::Parts::full_census() const {
 
 EnergyLedger Simulation::Parts::energy() {
   renew_list();
+  apply_body_force();
   const double h = step == 0 ? 0.0 : 0.5 * dt;  // how late the velocities are
   const double c = scene.time.damping;
   Kick half_kick = kick_of(h);
@@ -862,6 +904,7 @@ void Simulation::step() {
     p.rebuild();
   else if (todo.search_walls)
     p.search_walls();
+  p.apply_body_force();
   p.advance();
   p.guard();
   p.cross_faces();
@@ -890,6 +933,38 @@ void Simulation::ask_to_stop() {
   if (parts_->world.is_alone()) parts_->is_stop_agreed = true;
 }
 bool Simulation::is_stop_agreed() const { return parts_->is_stop_agreed; }
+void Simulation::forget_stop() { parts_->is_stop_wanted = parts_->is_stop_agreed = false; }
+
+void Simulation::set_body_force(BodyForce force) {
+  Parts& p = *parts_;
+  p.body_force = std::move(force);
+  p.next_look = p.step;
+  p.push.clear();
+  p.contacts->set_push(nullptr);
+}
+
+std::optional<FieldView> Simulation::view(Field field) {
+  if (!parts_->particles.has(field)) return std::nullopt;
+  return parts_->particles.view(field);
+}
+
+void Simulation::remove_left() {
+  Parts& p = *parts_;
+  if (p.world.is_alone() && static_cast<std::uint64_t>(p.particles.size()) != n_grains()) p.rebuild();
+}
+
+void Simulation::grains_changed() {
+  Parts& p = *parts_;
+  std::string fault = p.fault_of_grains();
+  const std::vector<std::uint64_t> has_fault = p.world.gather(std::uint64_t{!fault.empty()});
+  const auto first = std::find(has_fault.begin(), has_fault.end(), 1);
+  if (first != has_fault.end()) {
+    p.world.broadcast(fault, static_cast<int>(first - has_fault.begin()));
+    throw std::invalid_argument(fault);
+  }
+  p.is_list_old = true;
+  p.contacts->grains_changed();
+}
 const Scene& Simulation::scene() const { return parts_->scene; }
 const Plan& Simulation::plan() const { return parts_->plan; }
 std::uint64_t Simulation::step_number() const { return parts_->step; }

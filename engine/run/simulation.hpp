@@ -5,12 +5,14 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "comm/world.hpp"
 #include "engine/contacts/ghosts.hpp"
+#include "engine/particles/particles.hpp"
 #include "engine/run/balance.hpp"
 #include "engine/run/image.hpp"
 #include "engine/run/ledger.hpp"
@@ -44,6 +46,10 @@ struct RunError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// Sets the acceleration [m/s2] of each of this rank's grains beside gravity and gas, three values a grain, in the order of the views.
+/// The values come as zeros.
+using BodyForce = std::function<void(std::span<double> acceleration)>;
+
 class Simulation {
  public:
   /// Fills the scene with its grains. Throws SceneError (with every problem) where the scene cannot be run. The ranks of `world`
@@ -64,6 +70,22 @@ class Simulation {
   /// steps later), so that all end at the same step; alone it holds at once.
   void ask_to_stop();
   bool is_stop_agreed() const;
+  /// The run goes on after all. All ranks.
+  void forget_stop();
+
+  /// From now on `force` is asked in every step, before the grains are kicked; an empty one ends that. What it gives must depend on nothing but the
+  /// grain and the time, or the same bits on any layout are lost. Ranks look how far grains have come in every step, as nobody can
+  /// foresee what it will do. Its work counts among the losses to drag. It is not kept in checkpoints. All ranks.
+  void set_body_force(BodyForce force);
+  /// A field of this rank's grains where it lies, or nothing where the scene has no need of it. Grains are in no particular order (see
+  /// gid), and those that have left since the last rebuild have positions that are not numbers. The next rebuild puts them elsewhere, and whoever
+  /// still looks sees what was there before.
+  std::optional<FieldView> view(Field field);
+  /// Removes who has left from the views; alone only, several ranks wait for the next rebuild.
+  void remove_left();
+  /// Position, velocity or angular velocity of grains have been changed through a view. Throws std::invalid_argument, on all ranks, where a
+  /// value is not finite or a grain lies outside the domain. All ranks.
+  void grains_changed();
 
   const Scene& scene() const;
   const Plan& plan() const;

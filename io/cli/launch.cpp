@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <poll.h>
-#include <sys/ioctl.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -19,14 +18,13 @@
 #include "io/cli/child.hpp"
 #include "io/cli/interrupt.hpp"
 #include "io/cli/programs.hpp"
+#include "io/cli/terminal.hpp"
 
 namespace moraine {
 
 namespace fs = std::filesystem;
 
 namespace {
-
-constexpr const char* terminal_variable = "MORAINE_TERMINAL";  // width of the terminal behind mpirun
 
 /// Hardware threads of one core name each other in the same words.
 int count_cores(const std::vector<int>& cpus) {
@@ -208,13 +206,6 @@ JobEnd run_as_ranks(const Layout& layout, const std::vector<std::string>& words)
     if (std::getenv(name) != nullptr) command.insert(command.end(), {"-x", name});  // to other nodes, too
   command.insert(command.end(), words.begin(), words.end());
   return Job(command).wait();
-}
-
-std::optional<std::size_t> terminal_width() {
-  if (const char* given = std::getenv(terminal_variable)) return std::strtoul(given, nullptr, 10);
-  if (isatty(STDERR_FILENO) == 0) return std::nullopt;
-  winsize size{};
-  return ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80u;
 }
 
 }  // namespace moraine

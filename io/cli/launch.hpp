@@ -55,7 +55,4 @@ struct JobEnd {
 /// job. Throws UsageError.
 JobEnd run_as_ranks(const Layout& layout, const std::vector<std::string>& words);
 
-/// Width of the terminal that stderr goes to, also through mpirun; nothing where it is none.
-std::optional<std::size_t> terminal_width();
-
 }  // namespace moraine

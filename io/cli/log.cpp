@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <ctime>
 
-#include "io/cli/launch.hpp"
+#include "io/cli/terminal.hpp"
 
 namespace moraine {
 

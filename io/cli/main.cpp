@@ -22,6 +22,7 @@
 #include "io/cli/file_commands.hpp"
 #include "io/cli/layout.hpp"
 #include "io/cli/pareto_command.hpp"
+#include "io/cli/plot_command.hpp"
 #include "io/cli/project_command.hpp"
 #include "io/cli/report_command.hpp"
 #include "io/cli/run_command.hpp"
@@ -30,6 +31,7 @@
 #include "io/cli/version.hpp"
 #include "io/export/export.hpp"
 #include "io/export/render.hpp"
+#include "io/export/view.hpp"
 #include "io/scene_toml/scene_toml.hpp"
 
 using namespace moraine;
@@ -305,11 +307,13 @@ void add_export(CLI::App& app, Command& chosen) {
       "--csv", [request] { request->kind = ExportKind::csv; }, "a CSV table for each snapshot");
   kinds->add_flag_callback(
       "--povray", [request] { request->kind = ExportKind::povray; }, "POV-Ray scenes");
+  kinds->add_flag_callback(
+      "--tecplot", [request] { request->kind = ExportKind::tecplot; }, "Tecplot ASCII files of grains and gas");
   kinds->require_option(1);
   command->add_option("--frame", request->frame,
                       "only this snapshot: 0, 1, ... from the first, -1, -2, ... from the last");
   command->add_option("--field", request->field, "POV-Ray: what the grains are coloured by (default: speed)");
-  command->add_option("--out", request->out, "directory (default: RUN/vtk, RUN/csv, RUN/povray)");
+  command->add_option("--out", request->out, "directory (default: RUN/vtk, RUN/csv, RUN/povray, RUN/tecplot)");
   command->callback([&chosen, request] {
     chosen = [request] {
       print(export_run(*request));
@@ -329,12 +333,53 @@ void add_render(CLI::App& app, Command& chosen) {
       ->add_option("--range", request->style.range,
                    "least and greatest value of the colours (default: those of the snapshot)")
       ->expected(2);
+  command->add_option(
+      "--gas", request->style.gas,
+      "also a slice of the gas in the middle, coloured by this: void_fraction, pressure, gas_speed ...");
   command->add_option("--size", request->size, "WIDTHxHEIGHT in pixels (default: 1280x960)");
   command->add_option("--view", request->style.view, "azimuth and elevation of the camera [degrees]")->expected(2);
   command->add_option("--out", request->out, "file (default: RUN/pictures/STEP.png)");
   command->callback([&chosen, request] {
     chosen = [request] {
       print(render_run(*request));
+      return exit_code::good;
+    };
+  });
+}
+
+void add_view(CLI::App& app, Command& chosen) {
+  auto* command = app.add_subcommand("view", "a run in one HTML page that plays in a browser");
+  auto request = std::make_shared<ViewRequest>();
+  command->add_option("RUN", request->run, "run directory, or one snapshot")->required();
+  command->add_option("--field", request->field, "what the grains are coloured by (default: speed)");
+  command
+      ->add_option("--range", request->range, "least and greatest value of the colours (default: those of most grains)")
+      ->expected(2);
+  command->add_option("--grains", request->most_grains, "of more than so many an even share is shown (default: 30000)")
+      ->check(at_least(1));
+  command->add_option("--frames", request->most_frames, "of more than so many an even share is shown (default: 200)")
+      ->check(at_least(1));
+  command->add_option("--out", request->out, "file (default: RUN/view.html)");
+  command->callback([&chosen, request] {
+    chosen = [request] {
+      print(view_run(*request));
+      return exit_code::good;
+    };
+  });
+}
+
+void add_plot(CLI::App& app, Command& chosen) {
+  auto* command = app.add_subcommand("plot", "time series, profiles and phases of a run as pictures, by gnuplot");
+  auto request = std::make_shared<PlotRequest>();
+  command->add_option("RUN", request->run, "run directory")->required();
+  command->add_flag_callback(
+      "--svg", [request] { request->formats.push_back("svg"); }, "SVG (default: both)");
+  command->add_flag_callback(
+      "--png", [request] { request->formats.push_back("png"); }, "PNG");
+  command->add_option("--out", request->out, "directory (default: RUN/plots)");
+  command->callback([&chosen, request] {
+    chosen = [request] {
+      print(plot_run(*request));
       return exit_code::good;
     };
   });
@@ -430,6 +475,8 @@ int run_program(int argc, char** argv, const World& world) {
   add_compare(app, chosen);
   add_export(app, chosen);
   add_render(app, chosen);
+  add_view(app, chosen);
+  add_plot(app, chosen);
   add_keys(app, chosen);
   if (argc < 2) {
     if (world.is_root()) std::fputs(app.help().c_str(), stderr);

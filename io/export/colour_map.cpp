@@ -29,15 +29,28 @@ constexpr std::array<Colour, 17> table = {{
     {0.993248, 0.906157, 0.143936},
 }};
 
-}  // namespace
+// ColorBrewer's sequential scheme Blues (Harrower & Brewer 2003), five classes.
+constexpr std::array<Colour, 5> blues = {{
+    {0.937, 0.953, 1.0},
+    {0.741, 0.843, 0.906},
+    {0.420, 0.682, 0.839},
+    {0.192, 0.510, 0.741},
+    {0.031, 0.318, 0.612},
+}};
 
-Colour viridis(double value) {
-  const double at = std::clamp(std::isnan(value) ? 0.0 : value, 0.0, 1.0) * (table.size() - 1);
-  const auto low = std::min(static_cast<std::size_t>(at), table.size() - 2);
+template <std::size_t n>
+Colour between(const std::array<Colour, n>& colours, double value) {
+  const double at = std::clamp(std::isnan(value) ? 0.0 : value, 0.0, 1.0) * (n - 1);
+  const auto low = std::min(static_cast<std::size_t>(at), n - 2);
   const double share = at - static_cast<double>(low);
   const auto mix = [&](double a, double b) { return a + share * (b - a); };
-  return {mix(table[low].red, table[low + 1].red), mix(table[low].green, table[low + 1].green),
-          mix(table[low].blue, table[low + 1].blue)};
+  return {mix(colours[low].red, colours[low + 1].red), mix(colours[low].green, colours[low + 1].green),
+          mix(colours[low].blue, colours[low + 1].blue)};
 }
+
+}  // namespace
+
+Colour viridis(double value) { return between(table, value); }
+Colour pale_to_blue(double value) { return between(blues, value); }
 
 }  // namespace moraine

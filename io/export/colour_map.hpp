@@ -11,4 +11,7 @@ struct Colour {
 /// Viridis (van der Walt & Smith 2015), from 0 (dark blue) to 1 (yellow); values outside take the ends.
 Colour viridis(double value);
 
+/// From nearly white to dark blue, for the gas, so that nobody takes it for grains.
+Colour pale_to_blue(double value);
+
 }  // namespace moraine

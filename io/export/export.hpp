@@ -9,14 +9,14 @@
 
 namespace moraine {
 
-enum class ExportKind { vtk, csv, povray };
+enum class ExportKind { vtk, csv, povray, tecplot };
 
 struct ExportRequest {
   std::filesystem::path run;  // run directory, or one snapshot
   ExportKind kind = ExportKind::vtk;
   std::optional<int> frame;                  // none: all
   std::string field = "speed";               // POV-Ray: what the grains are coloured by
-  std::optional<std::filesystem::path> out;  // directory; none: RUN/vtk, RUN/csv, RUN/povray
+  std::optional<std::filesystem::path> out;  // directory; none: RUN/vtk, RUN/csv, RUN/povray, RUN/tecplot
 };
 
 /// Writes the files and returns what to tell the user. Throws StorageError, ExportError.

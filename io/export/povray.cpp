@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "io/export/camera.hpp"
 #include "io/export/colour_map.hpp"
 #include "io/export/frames.hpp"
+#include "io/export/gas_slice.hpp"
 #include "io/export/grain_values.hpp"
 #include "io/export/povray_walls.hpp"
 
@@ -162,11 +164,12 @@ std::string palette_text() {
 }
 
 std::string grains_text(const Image& image, const Drawing& drawing, const std::vector<double>& values, double low,
-                        double high) {
+                        double high, const std::function<bool(Vec3)>& is_hidden) {
   const std::vector<double>& x = image.find(Field::position)->reals;
   const std::vector<double>& radius = image.find(Field::radius)->reals;
   std::string text;
   for (std::size_t i = 0; i < radius.size(); ++i) {
+    if (is_hidden({x[3 * i], x[3 * i + 1], x[3 * i + 2]})) continue;
     const double share = high > low ? std::clamp((values[i] - low) / (high - low), 0.0, 1.0) : 0.5;
     const int colour = std::isfinite(share) ? static_cast<int>(std::lround(share * (n_colours - 1))) : 0;
     text += fmt::format("sphere {{ {}, {:.9g} texture {{ grain[{}] }} }}\n",
@@ -189,13 +192,13 @@ class Overlay {
     return camera_.place + (depth_ * (1.0 - nearer)) * camera_.ahead + unit_ * (x * camera_.right + y * camera_.up);
   }
 
-  /// An upright bar from the darkest to the lightest colour.
-  std::string bar(double x, double low, double high, double width) const {
+  /// An upright bar from the lowest to the highest colour.
+  std::string bar(double x, double low, double high, double width, Colour (*colours)(double)) const {
     std::string text;
     constexpr int n = 64;
     for (int i = 0; i < n; ++i) {
       const double a = low + (high - low) * i / n, b = low + (high - low) * (i + 1) / n;
-      text += quad(x, a, x + width, b, colour_text(viridis((i + 0.5) / n)));
+      text += quad(x, a, x + width, b, colour_text(colours((i + 0.5) / n)));
     }
     return text;
   }
@@ -230,19 +233,68 @@ class Overlay {
   double depth_ = 0.0, unit_ = 0.0;
 };
 
-std::string legend_text(const Overlay& overlay, double left, const std::string& label, double low, double high,
-                        double time, std::uint64_t n_grains) {
-  const double x = std::min(left, overlay.right_edge() - 0.31), width = 0.045, bottom = -0.45, top = 0.45,
-               height = 0.052;
-  std::string text = overlay.bar(x, bottom, top, width);
-  for (int i = 0; i <= 4; ++i) {
-    const double y = bottom + (top - bottom) * i / 4.0;
-    text +=
-        overlay.text(fmt::format("{:.3g}", low + (high - low) * i / 4.0), x + width + 0.025, y - 0.3 * height, height);
+/// A bar with its scale, and what it is of above it.
+struct Bar {
+  std::string label;
+  double low = 0.0, high = 0.0;
+  Colour (*colours)(double) = viridis;
+};
+
+constexpr double text_height = 0.052;
+
+std::string bar_text(const Overlay& overlay, double x, double bottom, double top, const Bar& bar) {
+  constexpr double width = 0.045;
+  std::string text = overlay.bar(x, bottom, top, width, bar.colours);
+  const int n_parts = top - bottom > 0.6 ? 4 : 2;
+  for (int i = 0; i <= n_parts; ++i) {
+    const double share = static_cast<double>(i) / n_parts, y = bottom + (top - bottom) * share;
+    text += overlay.text(fmt::format("{:.3g}", bar.low + (bar.high - bar.low) * share), x + width + 0.025,
+                         y - 0.3 * text_height, text_height);
   }
-  text += overlay.text(label, x, top + 0.07, height);
-  text += overlay.text(fmt::format("t = {:.4g} s", time), x, bottom - 0.13, height);
-  return text + overlay.text(fmt::format("{} grains", n_grains), x, bottom - 0.22, height);
+  return text + overlay.text(bar.label, x, top + 0.07, text_height);
+}
+
+std::string legend_text(const Overlay& overlay, double left, const Bar& grains, const Bar* gas, const Image& image) {
+  const double x = std::min(left, overlay.right_edge() - 0.31), bottom = -0.45;
+  std::string text;
+  if (gas != nullptr)
+    text = bar_text(overlay, x, 0.18, 0.68, grains) + bar_text(overlay, x, bottom, 0.02, *gas);
+  else
+    text = bar_text(overlay, x, bottom, 0.45, grains);
+  text += overlay.text(fmt::format("t = {:.4g} s", image.time), x, bottom - 0.13, text_height);
+  return text + overlay.text(fmt::format("{} grains", image.n_grains), x, bottom - 0.22, text_height);
+}
+
+/// Across which axis a slice shows most of itself to the viewer; seen from above in two dimensions it lies in the plane.
+int slice_axis(const Camera& camera, bool is_flat) {
+  if (is_flat) return 2;
+  return std::abs(camera.ahead.x) > std::abs(camera.ahead.y) ? 0 : 1;
+}
+
+std::string slice_text(const GasSlice& slice, const Image& image, const Drawing& drawing, const Bar& bar) {
+  const int u = slice.axis == 0 ? 1 : 0, v = slice.axis == 2 ? 1 : 2;
+  const Vec3 low = image.domain.low, size = image.domain.size();
+  const double du = size[u] / slice.n[0], dv = size[v] / slice.n[1];
+  std::string text;
+  for (int j = 0; j < slice.n[1]; ++j)
+    for (int i = 0; i < slice.n[0]; ++i) {
+      const auto corner = [&](int a, int b) {
+        Vec3 p;
+        p[slice.axis] = slice.place;
+        p[u] = low[u] + (i + a) * du;
+        p[v] = low[v] + (j + b) * dv;
+        return povray_vector(drawing.point(p));
+      };
+      const double value =
+          slice
+              .values[static_cast<std::size_t>(j) * static_cast<std::size_t>(slice.n[0]) + static_cast<std::size_t>(i)];
+      const double share = bar.high > bar.low ? (value - bar.low) / (bar.high - bar.low) : 0.5;
+      text += fmt::format(
+          "mesh {{ triangle {{ {0}, {1}, {2} }} triangle {{ {0}, {2}, {3} }} texture {{ pigment {{ {4} }} finish {{ "
+          "flat_finish }} }} no_shadow }}\n",
+          corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1), colour_text(pale_to_blue(share)));
+    }
+  return text;
 }
 
 }  // namespace
@@ -278,10 +330,22 @@ std::string povray_text(const Image& image, const Scene* scene, const PictureSty
   std::string text = head_text() + camera_text(camera, style.aspect) + light_text(camera, box) + palette_text();
   if (scene == nullptr || scene->walls.empty()) text += povray_edges(box, 0.01, "edge");
   if (scene != nullptr) text += povray_walls(drawing.walls(moved_walls(scene->walls, image)), box, camera, image.time);
-  text += grains_text(image, drawing, values.values, low, high);
+  const Bar grain_bar{values.label, low, high, viridis};
+  Bar gas_bar;
+  std::function<bool(Vec3)> is_hidden = [](Vec3) { return false; };
+  if (!style.gas.empty()) {
+    const GasSlice slice = gas_slice(image, style.gas, slice_axis(camera, is_seen_flat));
+    const auto range = usual_range(slice.values);
+    gas_bar = {slice.label, range.first, range.second, pale_to_blue};
+    if (style.gas_range.size() == 2) gas_bar.low = style.gas_range[0], gas_bar.high = style.gas_range[1];
+    text += slice_text(slice, image, drawing, gas_bar);
+    const double side = camera.ahead[slice.axis] > 0.0 ? 1.0 : -1.0;
+    if (!is_seen_flat) is_hidden = [slice, side](Vec3 p) { return side * (p[slice.axis] - slice.place) < 0.0; };
+  }
+  text += grains_text(image, drawing, values.values, low, high, is_hidden);
   const double legend_left = right_end(camera, box) * style.aspect + 0.12;
-  return text +
-         legend_text(Overlay(camera, style.aspect), legend_left, values.label, low, high, image.time, image.n_grains);
+  return text + legend_text(Overlay(camera, style.aspect), legend_left, grain_bar,
+                            style.gas.empty() ? nullptr : &gas_bar, image);
 }
 
 }  // namespace moraine

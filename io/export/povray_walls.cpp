@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
-#include <utility>
 #include <vector>
+
+#include "io/export/wall_mesh.hpp"
 
 namespace moraine {
 
@@ -38,31 +38,6 @@ std::string line(Vec3 a, Vec3 b, double radius) {
   if (squared_length(b - a) == 0.0) return {};
   return fmt::format("cylinder {{ {}, {}, {:.6g} texture {{ edge }} no_shadow }}\n", povray_vector(a), povray_vector(b),
                      radius);
-}
-
-/// The polygon in which a plane cuts a box, its corners in order around it.
-std::vector<Vec3> cut_polygon(const PlaneShape& plane, const Box& box) {
-  std::vector<Vec3> points;
-  const Vec3 normal = normalized(plane.normal);
-  for (int i = 0; i < 8; ++i)
-    for (int axis = 0; axis < 3; ++axis) {
-      const int j = i | (1 << axis);
-      if (i == j) continue;
-      const Vec3 a = corner(box, i), b = corner(box, j);
-      const double da = dot(a - plane.point, normal), db = dot(b - plane.point, normal);
-      if ((da <= 0.0) == (db <= 0.0) && da != 0.0) continue;
-      points.push_back(da == db ? a : a + (da / (da - db)) * (b - a));
-      if (da == 0.0 && db == 0.0) points.push_back(b);
-    }
-  if (points.size() < 3) return {};
-  Vec3 middle;
-  for (const Vec3 p : points) middle += p / static_cast<double>(points.size());
-  const Vec3 helper = std::abs(normal.x) < 0.9 ? Vec3{1, 0, 0} : Vec3{0, 1, 0};
-  const Vec3 u = normalized(cross(normal, helper)), v = cross(normal, u);
-  std::sort(points.begin(), points.end(), [&](Vec3 a, Vec3 b) {
-    return std::atan2(dot(a - middle, v), dot(a - middle, u)) < std::atan2(dot(b - middle, v), dot(b - middle, u));
-  });
-  return points;
 }
 
 class WallWriter {
@@ -108,24 +83,14 @@ class WallWriter {
   }
 
   std::string operator()(const MeshShape& shape) const {
-    return triangle_mesh(shape.mesh.vertices, shape.mesh.triangles, "glass_wall") + sharp_edges(shape.mesh);
+    return triangle_mesh(shape.mesh.vertices, shape.mesh.triangles, "glass_wall") + edges_of(shape.mesh);
   }
 
  private:
-  /// Rims, and edges where the surface turns by more than 30 degrees: they show the shape of a translucent mesh.
-  std::string sharp_edges(const TriangleMesh& mesh) const {
-    std::map<std::pair<std::int32_t, std::int32_t>, std::vector<Vec3>> normals;  // of the triangles on each edge
-    for (const auto& t : mesh.triangles) {
-      const auto vertex = [&](std::size_t i) { return mesh.vertices[static_cast<std::size_t>(t[i % 3])]; };
-      const Vec3 normal = cross(vertex(1) - vertex(0), vertex(2) - vertex(0));
-      if (squared_length(normal) == 0.0) continue;
-      for (std::size_t i = 0; i < 3; ++i) normals[std::minmax(t[i], t[(i + 1) % 3])].push_back(normalized(normal));
-    }
+  std::string edges_of(const TriangleMesh& mesh) const {
     std::string text;
-    for (const auto& [edge, sides] : normals)
-      if (sides.size() != 2 || std::abs(dot(sides[0], sides[1])) < 0.866)
-        text += line(mesh.vertices[static_cast<std::size_t>(edge.first)],
-                     mesh.vertices[static_cast<std::size_t>(edge.second)], radius_);
+    for (const auto& [a, b] : sharp_edges(mesh))
+      text += line(mesh.vertices[static_cast<std::size_t>(a)], mesh.vertices[static_cast<std::size_t>(b)], radius_);
     return text;
   }
 

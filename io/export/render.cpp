@@ -13,6 +13,7 @@
 #include <cstring>
 
 #include "io/checkpoint/durable_file.hpp"
+#include "io/export/gas_slice.hpp"
 #include "io/export/grain_values.hpp"
 #include "io/snapshot/snapshot.hpp"
 
@@ -144,7 +145,7 @@ void settle_style(PictureStyle& style, const std::vector<fs::path>& all, const s
   std::vector<fs::path> outer = wanted;
   outer.push_back(all.front());
   outer.push_back(all.back());
-  double low = infinity, high = -infinity;
+  double low = infinity, high = -infinity, gas_low = infinity, gas_high = -infinity;
   for (std::size_t i = 0; i < outer.size(); ++i) {
     const Image image = read_image_file(outer[i]).image;
     const Box box = frame_of(image, scene);
@@ -154,9 +155,14 @@ void settle_style(PictureStyle& style, const std::vector<fs::path>& all, const s
     const auto range = usual_range(grain_values(image, style.field).values);
     low = std::min(low, range.first);
     high = std::max(high, range.second);
+    if (style.gas.empty()) continue;
+    const auto gas_range = usual_range(gas_slice(image, style.gas, 1).values);
+    gas_low = std::min(gas_low, gas_range.first);
+    gas_high = std::max(gas_high, gas_range.second);
   }
   style.frame = frame;
   if (style.range.empty()) style.range = {low, high};
+  if (style.gas_range.empty() && gas_low <= gas_high) style.gas_range = {gas_low, gas_high};
 }
 
 }  // namespace

@@ -127,7 +127,8 @@ check "arguments of test go to ctest" ends_with 0 "$house/moraine" test -N -R qu
 check "a test that selects nothing fails" ends_with 1 bash -c "'$house/moraine' test -R nothing-like-this || exit 1"
 check "bench says when there are none" ends_with 1 "$house/moraine" bench
 check "  so" err_has "there are no benchmarks"
-check "python says that there is no module yet" ends_with 1 "$house/moraine" python script.py
+check "python says when there is no module" ends_with 1 "$house/moraine" python script.py
+check "  so" err_has "there is no Python module in this build"
 check "help names the launcher's commands" ends_with 0 "$house/moraine" help
 check "  test among them" grep -q "test --long" "$folder/out"
 

@@ -23,7 +23,14 @@ def run(*arguments):
 
 class Readme(unittest.TestCase):
     def test_its_scene_can_be_run(self):
-        scenes = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+        self.check_scene_of(README)
+
+    def test_the_scene_for_those_who_come_from_other_codes_can_be_run(self):
+        with open(os.path.join(ROOT, "examples", "coming_from.md"), encoding="utf-8") as page:
+            self.check_scene_of(page.read())
+
+    def check_scene_of(self, page):
+        scenes = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
         self.assertEqual(len(scenes), 1)
         with tempfile.TemporaryDirectory() as folder:
             scene = os.path.join(folder, "scene.toml")
@@ -36,7 +43,7 @@ class Readme(unittest.TestCase):
         commands = re.findall(r"^\| `\./moraine (\w+)", README, re.MULTILINE)
         self.assertGreater(len(commands), 5)
         for command in commands:
-            if command in ("build", "test", "bench"):  # the launcher's own
+            if command in ("build", "test", "bench", "python"):  # the launcher's own
                 continue
             with self.subTest(command=command):
                 code, output = run(PROGRAM, command, "--help")

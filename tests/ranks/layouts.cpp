@@ -129,6 +129,63 @@ TEST_CASE("space is divided anew where the grains leave it, and no bit changes")
   CHECK((all.size() == 1 || simulation.n_cuts() > 1));
 }
 
+namespace {
+
+double* row(const FieldView& view, std::int64_t i) {
+  return reinterpret_cast<double*>(static_cast<std::byte*>(view.values) + i * view.stride);
+}
+
+/// Drives the grains around the middle of the domain, the faster the further out they are.
+void stir(Simulation& simulation) {
+  const Box box = simulation.scene().domain.box();
+  const Vec3 middle = 0.5 * (box.low + box.high);
+  simulation.set_body_force([&simulation, middle](std::span<double> acceleration) {
+    const FieldView position = *simulation.view(Field::position);
+    for (std::int64_t i = 0; i < position.n; ++i) {
+      const double* const p = row(position, i);
+      acceleration[static_cast<std::size_t>(3 * i)] = -300.0 * (p[1] - middle.y);
+      acceleration[static_cast<std::size_t>(3 * i + 1)] = 300.0 * (p[0] - middle.x);
+    }
+  });
+}
+
+/// Slows every other grain down, from outside.
+void slow_some_down(Simulation& simulation) {
+  const FieldView velocity = *simulation.view(Field::velocity), gid = *simulation.view(Field::gid);
+  for (std::int64_t i = 0; i < velocity.n; ++i)
+    if (static_cast<const std::uint64_t*>(gid.values)[i] % 2 == 0)
+      for (int axis = 0; axis < 3; ++axis) row(velocity, i)[axis] *= 0.5;
+  simulation.grains_changed();
+}
+
+std::vector<trace::Moment> stirred(Simulation& simulation, int n_steps) {
+  stir(simulation);
+  return trace::record(simulation, n_steps, every);
+}
+
+}  // namespace
+
+TEST_CASE("forces and velocities from outside give the same bits on any ranks and threads, and after a restart") {
+  const World& all = ranks::world();
+  for (Scene scene : {scenes::settled_bed(), scenes::conveyed()}) {
+    scene.output.energy = true;
+    Simulation alone(scene, 1);
+    const std::vector<trace::Moment> before = stirred(alone, 2 * every);
+    slow_some_down(alone);
+    const std::vector<trace::Moment> after = stirred(alone, 2 * every);
+    for (const Layout& layout : layouts) {
+      const std::optional<World> world = all.first(std::min(layout.ranks, all.size()));
+      if (!world) continue;
+      INFO(name_of("stirred", layout));
+      Simulation first(scene, layout.threads, *world);
+      CHECK(trace::difference(before, stirred(first, 2 * every)) == "");
+      Simulation second(scene, layout.threads, first.checkpoint(), *world);
+      slow_some_down(second);
+      CHECK(trace::difference(after, stirred(second, 2 * every)) == "");
+    }
+  }
+}
+
 TEST_CASE("a heavy ball that throws up light grains does so on all ranks alike") {
   Scene scene = scenes::basic();
   scene.domain.low = {-0.1, -0.1, -0.01};

@@ -11,11 +11,16 @@
 #include "io/export/colour_map.hpp"
 #include "io/export/csv.hpp"
 #include "io/export/export.hpp"
+#include "io/export/gas_slice.hpp"
 #include "io/export/grain_values.hpp"
 #include "io/export/povray.hpp"
 #include "io/export/povray_walls.hpp"
 #include "io/export/render.hpp"
+#include "io/export/run_tables.hpp"
+#include "io/export/tecplot.hpp"
+#include "io/export/view.hpp"
 #include "io/export/vtk.hpp"
+#include "io/export/wall_mesh.hpp"
 #include "io/snapshot/series.hpp"
 #include "io/snapshot/snapshot.hpp"
 #include "tests/unit/io_images.hpp"
@@ -265,4 +270,88 @@ TEST_CASE("a missing POV-Ray, a size, a frame or a field that cannot be is named
   CHECK_THROWS_WITH(render_run(request),
                     Catch::Contains("povray is not installed") && Catch::Contains("apt-get install povray"));
   setenv("PATH", path.c_str(), 1);
+}
+
+TEST_CASE("walls become triangles with their area, and planes are cut by the box") {
+  const auto area_of = [](const WallMesh& mesh) {
+    double area = 0.0;
+    for (const auto& [a, b, c] : mesh.triangles) area += 0.5 * length(cross(b - a, c - a));
+    return area;
+  };
+  const Box box{{0, 0, 0}, {1, 2, 3}};
+  std::vector<WallDefinition> walls(7);
+  walls[0].shape = PlaneShape{{0, 0, 0}, {0, 0, 1}};
+  walls[1].shape = BoxShape{box};
+  walls[2].shape = CylinderShape{{0.5, 1, 0}, {0, 0, 1}, 0.5, 2.0};
+  walls[3].shape = CylinderShape{{0.5, 1, 1}, {0, 0, 1}, 0.5, infinity};
+  walls[4].shape = DiscShape{{0, 0, 0}, {0, 0, 1}, 1.0, 0.5};
+  walls[5].shape = PlaneShape{{0, 0, 0}, {0, 0, 1}};
+  walls[5].symmetry = true;
+  walls[6].shape = MeshShape{"", {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}, {{0, 1, 2}, {0, 2, 3}}}};
+  const std::vector<WallMesh> meshes = wall_meshes(walls, box);
+  REQUIRE(meshes.size() == 6);  // a mirror is not to be seen
+  const double pi = 3.14159265358979;
+  const std::vector<double> areas = {2.0, 22.0, 2.0 * pi, 2.0 * pi, 0.75 * pi, 1.0};
+  for (std::size_t k = 0; k < areas.size(); ++k) CHECK(area_of(meshes[k]) == Approx(areas[k]).epsilon(0.005));
+  CHECK(meshes[5].lines.size() == 4);  // its rim, not the diagonal
+}
+
+TEST_CASE("time series are read back, profiles apart from the rest") {
+  const TemporaryDirectory directory;
+  write_file(directory.path() / "flow.csv",
+             "step,time [s],left,mass left [kg],velocity z at z 0.05 m [m/s],velocity z at z 0.15 m [m/s]\n"
+             "0,0,0,0,1,2\n10,0.5,3,1e-3,nan,4\n20,1.0,5,");
+  write_file(directory.path() / "hashes.csv", "step,time [s],state_hash\n0,0,zzz\n");
+  write_file(directory.path() / "mine.csv", "a,b\n1,2\n");
+  const std::vector<RunTable> tables = read_run_tables(directory.path());
+  REQUIRE(tables.size() == 1);
+  CHECK(tables[0].name == "flow");
+  CHECK(tables[0].time == std::vector<double>{0.0, 0.5});  // the last row is still being written
+  REQUIRE(tables[0].columns.size() == 4);
+  CHECK(tables[0].columns[1].values == std::vector<double>{0.0, 1e-3});
+  CHECK(tables[0].columns[3].quantity == "velocity z");
+  CHECK(tables[0].columns[3].axis == "z");
+  CHECK(tables[0].columns[3].place == 0.15);
+  CHECK(std::isnan(tables[0].columns[2].values[1]));
+  const std::vector<ColumnGroup> groups = column_groups(tables[0]);
+  REQUIRE(groups.size() == 3);
+  CHECK(groups[1].unit == "kg");
+  CHECK(groups[2].is_profile());
+  CHECK(groups[2].columns == std::vector<std::size_t>{2, 3});
+}
+
+TEST_CASE("a slice of the gas has the cells of the middle layer, and unknown quantities are named") {
+  Image image = make_image(3);
+  add_gas(image, {3, 4, 5});
+  const GridArray& first = *std::find_if(image.grids.begin(), image.grids.end(), [](const GridArray& grid) {
+    return grid.n == std::array{3, 4, 5};
+  });
+  const GasSlice slice = gas_slice(image, first.name, 1);
+  CHECK(slice.n == std::array{3, 5});
+  REQUIRE(slice.values.size() == 15);
+  CHECK(slice.values[4] == first.values[(1 * 4 + 2) * 3 + 1]);
+  CHECK_THROWS_WITH(gas_slice(image, "nothing", 1), Catch::Contains("\"nothing\" is no quantity of the gas"));
+  CHECK_THROWS_WITH(gas_slice(make_image(3), "pressure", 1), Catch::Contains("there is no gas"));
+}
+
+TEST_CASE("Tecplot files have a zone with every grain") {
+  const std::vector<std::string> lines = split(tecplot_grains(make_image(7)), '\n');
+  REQUIRE(lines.size() == 3 + 7);
+  CHECK(lines[1].find("\"x [m]\" \"y [m]\" \"z [m]\"") != std::string::npos);
+  CHECK(lines[2].find("I=7, J=1, K=1, DATAPACKING=POINT") != std::string::npos);
+}
+
+TEST_CASE("a page can be made of one snapshot, of no grains, and not of an unknown field") {
+  const TemporaryDirectory directory;
+  write_snapshot(directory.path() / "some.h5", make_image(5));
+  write_snapshot(directory.path() / "none.h5", make_image(0));
+  for (const char* name : {"some.h5", "none.h5"}) {
+    ViewRequest request;
+    request.run = directory.path() / name;
+    request.out = directory.path() / "page.html";
+    view_run(request);
+    CHECK(read_file(*request.out).find("\"n\":") != std::string::npos);
+    request.field = "colour";
+    CHECK_THROWS_WITH(view_run(request), Catch::Contains("field \"colour\" is not in the snapshot"));
+  }
 }
