@@ -89,6 +89,9 @@ class Contacts {
   /// are refreshed meanwhile, where they are not. `travelled` [m]: no grain of this rank has moved further since the rebuild.
   void advance(Particles& particles, const Kick& kick, double dt, double travelled, int n_threads, StepResult& result);
 
+  /// From the next step on StepResult tells of overlaps beyond this share of the smaller radius.
+  void watch_overlaps_beyond(double share) { max_overlap_ = share; }
+
   /// Velocities at the present positions: those of the grains, half a step late, after `half_kick` (whose drift is zero) with
   /// the contact forces of now. Leaves grains and memory as they are.
   struct Velocities {

@@ -15,8 +15,10 @@
 #include "engine/particles/particles.hpp"
 #include "engine/run/census.hpp"
 #include "engine/run/decomposition.hpp"
+#include "engine/run/flight_record.hpp"
 #include "engine/run/gas_phase.hpp"
 #include "engine/run/guard.hpp"
+#include "engine/run/image_check.hpp"
 #include "engine/run/image_rows.hpp"
 #include "engine/run/probes.hpp"
 #include "engine/run/state_hash.hpp"
@@ -123,6 +125,8 @@ struct Simulation::Parts {
   std::uint64_t n_rebuilds = 0, steps_since_rebuild = 0;
   StepResult result;
 
+  FlightRecorder recorder;
+
   // Several ranks: when they look next at how far all have come, and what they divide.
   World world;
   std::uint64_t next_look = 0, last_surprise = 0, n_looks = 0;  // [steps]
@@ -138,6 +142,7 @@ struct Simulation::Parts {
         particles(needs_of(s)),
         dt(plan.time_step.step),
         probe_memory(s.output.probes.size()),
+        recorder(s.run.max_overlap),
         world(ranks) {}
 
   double time() const { return static_cast<double>(step) * dt; }
@@ -167,6 +172,7 @@ struct Simulation::Parts {
   void advance();
   void cross_faces();
   void guard();
+  [[noreturn]] void stop(const std::string& why, const std::vector<std::int32_t>& grains);
   void tick();
 
   void after_rebuild();
@@ -183,6 +189,7 @@ struct Simulation::Parts {
 void Simulation::Parts::make_contacts() {
   kind = kind_of(world, particles);
   contacts.emplace(scene, walls, kind, world);
+  contacts->watch_overlaps_beyond(recorder.watched_overlap());
   skin = plan.skin;
   choose_skin();
   if (!world.is_alone()) cut({});
@@ -345,7 +352,9 @@ void Simulation::Parts::check_travel() {
   if (travelled <= allowed_travel()) return;
   travelled = largest_travel();
   if (travelled <= allowed_travel()) return;
-  throw RunError(explain_stale_list(guard_view(), travelled, skin));
+  const std::int32_t fastest = fastest_grain(particles);
+  stop(explain_stale_list(guard_view(), travelled, skin),
+       fastest < 0 ? std::vector<std::int32_t>() : std::vector{fastest});
 }
 
 void Simulation::Parts::rebuild() {
@@ -474,18 +483,32 @@ void Simulation::Parts::cross_faces() {
     if (leaves_through_outlet(position))
       remove(i);
     else if (!box.contains(position))
-      throw RunError(explain_outside(guard_view(), i));
+      stop(explain_outside(guard_view(), i), {i});
   }
+}
+
+/// The run ends here, with the last steps of the grains concerned.
+void Simulation::Parts::stop(const std::string& why, const std::vector<std::int32_t>& grains) {
+  throw RecordedRunError(why, recorder.finish(guard_view(), grains));
 }
 
 void Simulation::Parts::guard() {
   stopwatch.start(Phase::guard);
-  if (result.is_any_not_finite) throw RunError(explain_not_finite(guard_view()));
-  if (result.has_large_overlap) throw RunError(explain_overlap(guard_view()));
-  if (result.max_speed * dt > max_travel * kind.smallest_radius) {
+  if (result.is_any_not_finite) {
+    const std::int32_t first = first_not_finite(particles);
+    stop(explain_not_finite(guard_view()), first < 0 ? std::vector<std::int32_t>() : std::vector{first});
+  }
+  const double travel = result.max_speed * dt / (max_travel * kind.smallest_radius);
+  const bool is_fast = travel > 0.5;
+  if (result.has_large_overlap || is_fast || recorder.is_watching()) {
+    if (recorder.note(guard_view(), result.has_large_overlap, is_fast))
+      stop(explain_overlap(guard_view()), deepest_grains(guard_view()));
+    contacts->watch_overlaps_beyond(recorder.watched_overlap());
+  }
+  if (travel > 1.0) {
     const std::int32_t fastest = fastest_grain(particles);
     if (fastest >= 0 && length(particles.velocity(fastest)) * dt > max_travel * particles.radius(fastest))
-      throw RunError(explain_speed(guard_view(), fastest));
+      stop(explain_speed(guard_view(), fastest), {fastest});
   }
 }
 
@@ -623,6 +646,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
                        false}});
   if (!(image.domain == scene.domain.box()) || image.periodic != scene.domain.periodic)
     throw SceneError({{"domain", "is not the one that the checkpoint was written with", false}});
+  expect_possible(scene, p.walls.surfaces().size(), image);
   p.step = p.last_surprise = image.step;
   const CensusTaker census = CensusTaker::from(image.accumulators);
   if (world.is_root()) p.census = census;  // once over all ranks

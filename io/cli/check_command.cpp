@@ -10,6 +10,7 @@
 #include "engine/walls/walls.hpp"
 #include "io/cli/gas_text.hpp"
 #include "io/cli/layout.hpp"
+#include "io/cli/memory.hpp"
 #include "io/cli/text.hpp"
 #include "io/scene_toml/scene_toml.hpp"
 
@@ -147,7 +148,7 @@ std::vector<std::string> output_lines(const Scene& scene, double time_step) {
 }  // namespace
 
 std::string check_text(const std::filesystem::path& scene_file, const std::vector<std::string>& overrides,
-                       const std::optional<std::string>& layout) {
+                       const std::optional<std::string>& layout, std::string* refusal) {
   std::vector<SceneMessage> messages;
   const Scene scene = read_scene(scene_file, overrides, &messages);
   const Layout chosen = parse_layout(layout.value_or(scene.run.layout));
@@ -169,7 +170,12 @@ std::string check_text(const std::filesystem::path& scene_file, const std::vecto
   text += row("skin", fmt::format("{:.6g} m", plan.skin));
   text += list_rows("output", output_lines(scene, plan.time_step.step));
   text += row("layout", chosen.text());
-  text += row("memory", fmt::format("about {}", bytes_text(plan.memory)));
+  text += row("memory", fmt::format("about {}", bytes_text(memory_of_run(plan, chosen))));
+  if (refusal != nullptr) try {
+      expect_to_fit(plan, chosen);
+    } catch (const UsageError& error) {
+      *refusal = error.what();
+    }
   text += row("will take", fmt::format("about {}", duration_text(plan.seconds)));
 
   lines.clear();
