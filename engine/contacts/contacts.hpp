@@ -113,6 +113,9 @@ class Contacts {
   /// Somebody has changed the state of the grains from outside: what other ranks know of them is old. All ranks.
   void grains_changed() { ghosts_.set_fresh(world_.is_alone()); }
 
+  /// From the next step on StepResult tells of overlaps beyond this share of the smaller radius.
+  void watch_overlaps_beyond(double share) { max_overlap_ = share; }
+
   /// Velocities at the present positions: those of the grains, half a step late, after `half_kick` (whose drift is zero) with
   /// the contact forces of now. Leaves grains and memory as they are.
   struct Velocities {

@@ -318,7 +318,7 @@ void GasFlow::Parts::project(double dt, double tolerance, GasReport& report) {
   solver.set({&coefficient[0], &coefficient[1], &coefficient[2]});
   const PressureReport solved = solver.solve(source, change, tolerance);
   if (!std::isfinite(solved.residual))
-    throw std::runtime_error("the gas velocity is no longer finite: choose a smaller gas.step");
+    throw GasError("the gas velocity is no longer finite: choose a smaller gas.step");
   report.iterations += solved.iterations;
   report.imbalance += solved.residual * dt;
   boundaries.extend_pressure(change, 0.0);
@@ -537,7 +537,7 @@ int GasFlow::Parts::n_parts_for(double fastest, double left, double step) const 
     message << "the gas is too fast or too viscous for its cells: a gas step of " << step
             << " s would have to be divided into " << n
             << " parts; choose a smaller gas.step or larger cells, or a ramp for gas that enters";
-    throw std::runtime_error(message.str());
+    throw GasError(message.str());
   }
   return static_cast<int>(std::ceil(n));
 }

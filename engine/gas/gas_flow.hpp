@@ -3,6 +3,7 @@
 
 #include <array>
 #include <memory>
+#include <stdexcept>
 #include <vector>
 
 #include "engine/gas/grid.hpp"
@@ -18,6 +19,11 @@ struct GasLoad {
   GridField<> void_fraction;  // [-] volume of gas over volume, floor applied
   GridField<> exchange;       // [kg/(m3 s)] beta: force on the gas per volume and velocity, with minus sign
   std::array<GridField<>, 3> exchange_velocity;  // [N/m3] beta times the grains' velocity
+};
+
+/// The gas cannot go on: why, and what to do.
+struct GasError : std::runtime_error {
+  using std::runtime_error::runtime_error;
 };
 
 /// One gas step in numbers; the same on all ranks.

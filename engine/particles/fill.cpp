@@ -313,6 +313,16 @@ std::vector<GrainSeed> clothe(const Birth& birth, std::span<const PackGrain> bar
   return grains;
 }
 
+/// Beyond so many grains a rough number will do for what counts them: counting takes the memory that the grains take.
+constexpr double worth_counting = 2e7;
+
+double mean_sphere_volume(const DiameterSampler& diameter) {
+  constexpr int n = 64;
+  double sum = 0.0;
+  for (int i = 0; i < n; ++i) sum += sphere_volume(0.5 * diameter((i + 0.5) / n));
+  return sum / n;
+}
+
 std::int64_t count_group(const Birth& birth) {
   if (const auto* list = std::get_if<ListedGrains>(&birth.group.fill))
     return static_cast<std::int64_t>(facts_of(*list).n_grains);
@@ -321,12 +331,18 @@ std::int64_t count_group(const Birth& birth) {
     const double largest = sampler_of(birth).largest();
     const Container container(birth.scene, lattice->region);
     const double spacing = lattice->spacing > 0.0 ? lattice->spacing : 1.001 * largest;
+    const double density = lattice->kind == LatticeFill::Kind::hexagonal ? std::numbers::sqrt2 : 1.0;
+    const double rough = density * volume(container.region()) / (spacing * spacing * spacing);
+    if (!container.space().is_flat && rough > worth_counting) return static_cast<std::int64_t>(std::min(rough, 1e15));
     return static_cast<std::int64_t>(lattice_sites(container, lattice->kind, spacing, 0.5 * largest).size());
   }
   const auto& fill = std::get<RandomFill>(birth.group.fill);
   const Container container(birth.scene, fill.region);
-  return fill.count ? *fill.count
-                    : static_cast<std::int64_t>(draw_radii(birth, fill, volume(container.region())).size());
+  if (fill.count) return *fill.count;
+  const double rough =
+      fill.solid_fraction.value_or(0.0) * volume(container.region()) / mean_sphere_volume(sampler_of(birth));
+  if (rough > worth_counting) return static_cast<std::int64_t>(std::min(rough, 1e15));
+  return static_cast<std::int64_t>(draw_radii(birth, fill, volume(container.region())).size());
 }
 
 std::string group_key(std::size_t index) { return fmt::format("particles[{}]", index); }

@@ -99,8 +99,7 @@ std::string explain_overlap(const GuardView& view) {
          contacts_text(view, worst.grain) + cure(view);
 }
 
-std::string explain_not_finite(const GuardView& view) {
-  const Particles& p = view.particles;
+std::int32_t first_not_finite(const Particles& p) {
   std::int32_t first = -1;
   const auto is_bad = [&](std::int32_t i) {
     const Vec3 v = p.velocity(i), w = p.angular_velocity(i);
@@ -108,6 +107,11 @@ std::string explain_not_finite(const GuardView& view) {
   };
   for (std::int32_t i = 0; i < p.size(); ++i)
     if (is_bad(i) && (first < 0 || p.gid(i) < p.gid(first))) first = i;
+  return first;
+}
+
+std::string explain_not_finite(const GuardView& view) {
+  const std::int32_t first = first_not_finite(view.particles);
   const std::string who = first < 0 ? std::string("a grain") : grain_text(view, first);
   return head(view) + "the velocity of " + who + " is not finite" + cure(view);
 }

@@ -37,6 +37,9 @@ std::string explain_stale_list(const GuardView& view, double travelled, double s
 /// Grain outside the domain where there is no outlet.
 std::string explain_outside(const GuardView& view, std::int32_t grain);
 
+/// Index of the grain of lowest gid whose velocity is not finite, or -1.
+std::int32_t first_not_finite(const Particles& particles);
+
 /// Index of the fastest grain, or -1 where there are none.
 std::int32_t fastest_grain(const Particles& particles);
 

@@ -21,8 +21,10 @@
 #include "engine/run/balance.hpp"
 #include "engine/run/census.hpp"
 #include "engine/run/decomposition.hpp"
+#include "engine/run/flight_record.hpp"
 #include "engine/run/gas_phase.hpp"
 #include "engine/run/guard.hpp"
+#include "engine/run/image_check.hpp"
 #include "engine/run/image_rows.hpp"
 #include "engine/run/probes.hpp"
 #include "engine/run/state_hash.hpp"
@@ -165,6 +167,8 @@ struct Simulation::Parts {
   StepResult result;
   StepWatch watch;
 
+  FlightRecorder recorder;
+
   // Several ranks: when they look next at how far all have come, and what they divide.
   World world;
   std::uint64_t next_look = 0, last_surprise = 0, n_looks = 0;  // [steps]
@@ -188,6 +192,7 @@ struct Simulation::Parts {
         dt(plan.time_step.step),
         census(s.materials.size(), s.outlets.size()),
         probe_memory(s.output.probes.size()),
+        recorder(s.run.max_overlap),
         world(ranks),
         balancer(ranks, s.run.balance, threads) {
     wall_speed = fastest_wall(s);
@@ -229,6 +234,7 @@ struct Simulation::Parts {
   void apply_body_force();
   std::string fault_of_grains() const;
   void guard();
+  [[noreturn]] void stop(const std::string& why, const std::vector<std::int32_t>& grains);
   void tick();
 
   void after_rebuild();
@@ -250,6 +256,7 @@ void Simulation::Parts::make_contacts() {
   kind = kind_of(world, scene, particles);
   contacts.emplace(scene, walls, kind, world);
   watch = StepWatch(scene, plan.time_step, kind.smallest_radius);
+  contacts->watch_overlaps_beyond(recorder.watched_overlap());
   skin = plan.skin;
   choose_skin();
   if (!world.is_alone()) cut({});
@@ -454,7 +461,9 @@ void Simulation::Parts::check_travel() {
   if (travelled <= allowed_travel()) return;
   travelled = largest_travel();
   if (travelled <= allowed_travel()) return;
-  throw RunError(explain_stale_list(guard_view(), travelled, skin));
+  const std::int32_t fastest = fastest_grain(particles);
+  stop(explain_stale_list(guard_view(), travelled, skin),
+       fastest < 0 ? std::vector<std::int32_t>() : std::vector{fastest});
 }
 
 void Simulation::Parts::rebuild(const Births& births) {
@@ -651,7 +660,7 @@ void Simulation::Parts::cross_faces() {
     if (const int outlet = outlet_of(i); outlet >= 0)
       remove(i, static_cast<std::size_t>(outlet));
     else if (!box.contains(particles.position(i)))
-      throw RunError(explain_outside(guard_view(), i));
+      stop(explain_outside(guard_view(), i), {i});
   }
 }
 
@@ -675,15 +684,29 @@ std::string Simulation::Parts::fault_of_grains() const {
   return {};
 }
 
+/// The run ends here, with the last steps of the grains concerned.
+void Simulation::Parts::stop(const std::string& why, const std::vector<std::int32_t>& grains) {
+  throw RecordedRunError(why, recorder.finish(guard_view(), grains));
+}
+
 void Simulation::Parts::guard() {
   start(Phase::guard);
   watch.see(result.max_speed, time());
-  if (result.is_any_not_finite) throw RunError(explain_not_finite(guard_view()));
-  if (result.has_large_overlap) throw RunError(explain_overlap(guard_view()));
-  if (result.max_speed * dt > max_travel * kind.smallest_radius) {
+  if (result.is_any_not_finite) {
+    const std::int32_t first = first_not_finite(particles);
+    stop(explain_not_finite(guard_view()), first < 0 ? std::vector<std::int32_t>() : std::vector{first});
+  }
+  const double travel = result.max_speed * dt / (max_travel * kind.smallest_radius);
+  const bool is_fast = travel > 0.5;
+  if (result.has_large_overlap || is_fast || recorder.is_watching()) {
+    if (recorder.note(guard_view(), result.has_large_overlap, is_fast))
+      stop(explain_overlap(guard_view()), deepest_grains(guard_view()));
+    contacts->watch_overlaps_beyond(recorder.watched_overlap());
+  }
+  if (travel > 1.0) {
     const std::int32_t fastest = fastest_grain(particles);
     if (fastest >= 0 && length(particles.velocity(fastest)) * dt > max_travel * particles.radius(fastest))
-      throw RunError(explain_speed(guard_view(), fastest));
+      stop(explain_speed(guard_view(), fastest), {fastest});
   }
 }
 
@@ -853,6 +876,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
                        false}});
   if (!(image.domain == scene.domain.box()) || image.periodic != scene.domain.periodic)
     throw SceneError({{"domain", "is not the one that the checkpoint was written with", false}});
+  expect_possible(scene, p.walls.surfaces().size(), image);
   p.step = p.last_surprise = image.step;
   p.energy_initial = kept_number(image.accumulators, "energy_initial");
   p.has_energy_initial = scene.output.energy;

@@ -11,7 +11,8 @@ namespace moraine::checks {
 
 namespace {
 
-constexpr double max_solid_fraction = 0.74;  // densest packing of equal spheres, pi / (3 sqrt 2) = 0.7405
+constexpr double most_grains = 2147483648.0;  // of a group
+constexpr double max_solid_fraction = 0.74;   // densest packing of equal spheres, pi / (3 sqrt 2) = 0.7405
 
 /// Mean of the cubed diameter [m3]; normal and lognormal without their truncation.
 double mean_cube(const SizeDistribution& d) {
@@ -110,13 +111,20 @@ void check_room(const Box& bounds, double largest, const std::string& key, const
 
 namespace {
 
+void check_count(const std::optional<std::int64_t>& count, const std::string& key, Findings& found) {
+  if (!count) return;
+  if (*count < 1) found.error(key + ".count", "is {}; expected 1 or more", *count);
+  if (static_cast<double>(*count) > most_grains)
+    found.error(key + ".count", "is {}; a group cannot hold more than {:.0f} grains", *count, most_grains);
+}
+
 void check_random_fill(const Scene& scene, const ParticleGroup& group, const RandomFill& fill, const std::string& key,
                        Findings& found) {
   const bool has_region = check_region(scene, fill.region, key + ".region", found);
   if (fill.solid_fraction.has_value() == fill.count.has_value())
     found.error(key, "has {}; expected exactly one of solid_fraction and count",
                 fill.count ? "both solid_fraction and count" : "neither solid_fraction nor count");
-  if (fill.count && *fill.count < 1) found.error(key + ".count", "is {}; expected 1 or more", *fill.count);
+  check_count(fill.count, key, found);
   if (fill.solid_fraction && !(*fill.solid_fraction > 0.0 && *fill.solid_fraction < max_solid_fraction))
     found.error(key + ".solid_fraction",
                 "is {}; expected more than 0 and less than {} (random packings reach about 0.6)", *fill.solid_fraction,
@@ -124,6 +132,13 @@ void check_random_fill(const Scene& scene, const ParticleGroup& group, const Ran
   const double largest = diameter_range(group).second;
   if (!has_region || largest == 0.0) return;
   check_room(bounds(fill.region), largest, key + ".region", scene.domain, found);
+  if (fill.solid_fraction) {
+    const double n = *fill.solid_fraction * volume(fill.region) / (mean_cube(group.diameter) * std::numbers::pi / 6.0);
+    if (n > most_grains)
+      found.error(key + ".solid_fraction",
+                  "is {}: that takes about {:.3g} grains; a group cannot hold more than {:.0f}", *fill.solid_fraction,
+                  n, most_grains);
+  }
   if (!fill.count || *fill.count < 1 || scene.domain.dimensions != 3) return;
   const double solids = static_cast<double>(*fill.count) * mean_cube(group.diameter) * std::numbers::pi / 6.0;
   const double fraction = solids / volume(fill.region);
@@ -144,7 +159,15 @@ void check_lattice_fill(const Scene& scene, const ParticleGroup& group, const La
                 fill.spacing, largest);
   if (!(fill.jitter >= 0.0 && fill.jitter <= 1.0))
     found.error(key + ".jitter", "is {}; expected 0 to 1, a share of the free gap", fill.jitter);
-  if (fill.count && *fill.count < 1) found.error(key + ".count", "is {}; expected 1 or more", *fill.count);
+  check_count(fill.count, key, found);
+  if (!has_region || largest == 0.0 || !(fill.spacing >= 0.0)) return;
+  const double spacing = fill.spacing > 0.0 ? fill.spacing : largest;
+  const Vec3 size = bounds(fill.region).size();
+  double n = fill.kind == LatticeFill::Kind::hexagonal ? std::numbers::sqrt2 : 1.0;
+  for (int axis = 0; axis < scene.domain.dimensions; ++axis) n *= std::max(1.0, size[axis] / spacing);
+  if (n > most_grains)
+    found.error(key + ".lattice", "has about {:.3g} sites {:.3g} m apart in its region; at most {:.0f} are possible", n,
+                spacing, most_grains);
 }
 
 /// Something that listed grains do wrong: how many of them, and what is said of one, the worst and of equals the first.

@@ -9,6 +9,8 @@
 #include <cstring>
 #include <utility>
 
+#include "io/checkpoint/subdirectory.hpp"
+
 namespace moraine {
 
 namespace fs = std::filesystem;
@@ -20,6 +22,8 @@ std::string explain_errno(int error) {
     case EACCES: return "permission denied";
     case EROFS: return "the file system is read-only";
     case ENOENT: return "no such file or directory";
+    case EFBIG: return "the file would be larger than a limit allows (ulimit -f)";
+    case EMFILE: return "too many open files (ulimit -n)";
     case EIO: return "the disk reports an input/output error";
     default: return std::strerror(error);
   }
@@ -144,11 +148,26 @@ std::string read_file(const fs::path& path) {
   return text;
 }
 
+namespace {
+
+void expect_directory(const fs::path& path, const std::error_code& error) {
+  if (error) throw StorageError(path, "the directory cannot be made: " + explain_errno(error.value()));
+  std::error_code ignored;
+  if (!fs::is_directory(path, ignored)) throw StorageError(path, "is a file, expected a directory");
+}
+
+}  // namespace
+
 void make_directory(const fs::path& path) {
   std::error_code error;
   fs::create_directories(path, error);
-  if (error) throw StorageError(path, "the directory cannot be made: " + explain_errno(error.value()));
-  if (!fs::is_directory(path, error)) throw StorageError(path, "is a file, expected a directory");
+  expect_directory(path, error);
+}
+
+void make_subdirectory(const fs::path& path) {
+  std::error_code error;
+  fs::create_directory(path, error);
+  expect_directory(path, error);
 }
 
 }  // namespace moraine

@@ -4,6 +4,7 @@
 #include <hdf5.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
 #include <cstdlib>
 #include <limits>
@@ -13,6 +14,7 @@
 
 #include "io/checkpoint/agreement.hpp"
 #include "io/checkpoint/durable_file.hpp"
+#include "io/files/hdf5_room.hpp"
 #include "io/files/mpi_handle.hpp"
 
 namespace moraine {
@@ -71,6 +73,12 @@ std::string hdf5_reason() {
   const std::size_t at = text.find("errno = ");
   if (at != std::string::npos) return explain_errno(std::atoi(text.c_str() + at + 8));
   return text.empty() ? "no reason given" : text;
+}
+
+/// Why a file cannot be written. Of a directory that has been moved away the library says no more than that it failed.
+std::string reason_at(const fs::path& written) {
+  std::error_code error;
+  return fs::exists(fs::absolute(written, error).parent_path(), error) ? hdf5_reason() : explain_errno(ENOENT);
 }
 
 std::string parent_of(const std::string& name) {
@@ -165,7 +173,7 @@ struct Hdf5Writer::File {
       : written(written_), path(path_), id(opened, &H5Fclose) {}
 
   [[noreturn]] void fail(const std::string& doing) const {
-    throw StorageError(path, "cannot be written (" + doing + "): " + hdf5_reason());
+    throw StorageError(path, "cannot be written (" + doing + "): " + reason_at(written));
   }
   void check(bool is_good, const std::string& doing) const {
     if (!is_good) fail(doing);
@@ -272,7 +280,7 @@ Hdf5Writer::Hdf5Writer(const fs::path& written, const fs::path& path, std::uint6
   H5Pset_obj_track_times(creation, false);
   const Id access = file_access();
   const hid_t opened = H5Fcreate(written.c_str(), H5F_ACC_TRUNC, creation, access);
-  const std::string reason = opened < 0 ? hdf5_reason() : std::string();
+  const std::string reason = opened < 0 ? reason_at(written) : std::string();
   file_ = std::make_unique<File>(written, path, opened);
   try {
     if (opened < 0) throw StorageError(path, "cannot be written (new file): " + reason);
@@ -452,7 +460,7 @@ class RowWriter {
   }
 
   void note(bool is_good, const std::string& doing) {
-    if (!is_good && failure_.empty()) failure_ = "cannot be written (" + doing + "): " + hdf5_reason();
+    if (!is_good && failure_.empty()) failure_ = "cannot be written (" + doing + "): " + reason_at(written_);
   }
 
   /// Takes part even where it has nothing, or nothing more, to write.
@@ -502,7 +510,25 @@ RowRange share_of(std::uint64_t n_rows, const World& world) {
 struct Hdf5Reader::File {
   fs::path path;
   std::vector<std::string> rank_files;
+  std::uint64_t bytes = 0;  // of all files together
   Id id{H5I_INVALID_HID, &H5Fclose};
+
+  void count_bytes() {
+    std::error_code ignored;
+    bytes = fs::file_size(path, ignored);
+    for (const std::string& name : rank_files)
+      if (const auto size = fs::file_size(path.parent_path() / name, ignored); !ignored) bytes += size;
+  }
+
+  /// A dataset that claims more than its file can hold must not be given memory for it.
+  void expect_room(hid_t set, const std::string& name, hid_t space, std::size_t value_bytes) const {
+    hsize_t shape[H5S_MAX_RANK] = {};
+    const int rank = H5Sget_simple_extent_dims(space, shape, nullptr);
+    double n_values = 1.0;
+    for (int i = 0; i < rank; ++i) n_values *= static_cast<double>(shape[i]);
+    if (!files::has_room(set, n_values, value_bytes, bytes))
+      fail("dataset '" + name + "' says that it has more values than the file can hold");
+  }
 
   [[noreturn]] void fail(const std::string& problem) const { throw StorageError(path, problem); }
 
@@ -549,6 +575,7 @@ struct Hdf5Reader::File {
     if (set < 0) fail("dataset '" + name + "' cannot be opened: " + hdf5_reason());
     const Id space(H5Dget_space(set), &H5Sclose);
     check_type(set, form);
+    expect_room(set, name, space, size_of(form.type));
     if (form.is_grid()) {
       if (grid_in(space) != form.grid) fail("dataset '" + name + "' has another shape than expected");
       return {std::move(set), static_cast<std::uint64_t>(H5Sget_simple_extent_npoints(space))};
@@ -637,6 +664,7 @@ Hdf5Reader::Hdf5Reader(const fs::path& path, const std::vector<std::string>& kin
   file_ = std::make_unique<File>();
   file_->path = path;
   for (const RankFile& file : check_whole(path, kinds, needs_seal, world)) file_->rank_files.push_back(file.name);
+  file_->count_bytes();
   agree(world, path, [&] {
     const Id access = file_access();
     file_->id = Id(H5Fopen(path.c_str(), H5F_ACC_RDONLY, access), &H5Fclose);
@@ -675,6 +703,7 @@ std::array<int, 3> Hdf5Reader::grid_of(const std::string& name) const {
   const Id set(exists(name) ? H5Dopen2(file_->id, name.c_str(), H5P_DEFAULT) : H5I_INVALID_HID, &H5Dclose);
   if (set < 0) file_->fail("has no dataset '" + name + "'");
   const Id space(H5Dget_space(set), &H5Sclose);
+  file_->expect_room(set, name, space, sizeof(double));
   const std::array<int, 3> grid = File::grid_in(space);
   if (grid[0] < 1 || grid[1] < 1 || grid[2] < 1) file_->fail("dataset '" + name + "' has another shape than (z, y, x)");
   return grid;
@@ -717,6 +746,9 @@ std::string Hdf5Reader::text(const std::string& name) const {
   const Id type(H5Dget_type(set), &H5Tclose);
   if (H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) > 0)
     file_->fail("dataset '" + name + "' is not a text");
+  const Id space(H5Dget_space(set), &H5Sclose);
+  file_->expect_room(set, name, space, H5Tget_size(type));
+  if (H5Sget_simple_extent_npoints(space) != 1) file_->fail("dataset '" + name + "' is not one text");
   std::string value(H5Tget_size(type), '\0');
   const Id memory = string_type(value.size());
   if (H5Dread(set, memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, value.data()) < 0)

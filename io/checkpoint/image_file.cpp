@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <charconv>
 #include <cstring>
 #include <functional>
 #include <span>
@@ -42,11 +43,13 @@ std::string decoded(const std::string& text) {
   if (text == "%00") return {};
   std::string name;
   for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text[i] != '%' || i + 2 >= text.size()) {
+    unsigned code = 0;
+    const char* const digits = text.data() + i + 1;
+    if (text[i] != '%' || i + 2 >= text.size() || std::from_chars(digits, digits + 2, code, 16).ptr != digits + 2) {
       name += text[i];
       continue;
     }
-    name += static_cast<char>(std::stoi(text.substr(i + 1, 2), nullptr, 16));
+    name += static_cast<char>(code);
     i += 2;
   }
   return name;

@@ -12,6 +12,7 @@
 #include "io/cli/gas_text.hpp"
 #include "io/cli/launch.hpp"
 #include "io/cli/layout.hpp"
+#include "io/cli/memory.hpp"
 #include "io/cli/text.hpp"
 #include "io/scene_toml/scene_toml.hpp"
 
@@ -174,7 +175,7 @@ std::vector<std::string> output_lines(const Scene& scene, double time_step) {
 }  // namespace
 
 std::string check_text(const std::filesystem::path& scene_file, const std::vector<std::string>& overrides,
-                       const std::optional<std::string>& layout) {
+                       const std::optional<std::string>& layout, std::string* refusal) {
   std::vector<SceneMessage> messages;
   const Scene scene = read_scene(scene_file, overrides, &messages);
   const LayoutChoice choice = layout_for(scene, layout);
@@ -198,7 +199,12 @@ std::string check_text(const std::filesystem::path& scene_file, const std::vecto
   text += list_rows("output", output_lines(scene, plan.time_step.step));
   text += row("layout", chosen.text() + (choice.why.empty() ? "" : " (" + choice.why + ")"));
   text += row("balance", balance_text(scene.run.balance, chosen));
-  text += row("memory", fmt::format("about {}", bytes_text(plan.memory)));
+  text += row("memory", fmt::format("about {}", bytes_text(memory_of_run(plan, chosen))));
+  if (refusal != nullptr) try {
+      expect_to_fit(plan, chosen);
+    } catch (const UsageError& error) {
+      *refusal = error.what();
+    }
   text += row("will take", fmt::format("about {}", duration_text(plan.seconds)));
 
   lines.clear();

@@ -9,6 +9,7 @@
 #include <CLI/CLI.hpp>
 #include <array>
 #include <charconv>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <functional>
@@ -120,7 +121,9 @@ void add_check(CLI::App& app, Command& chosen) {
   add_scene_options(*command, request->scene_file, request->overrides, request->layout);
   command->callback([&chosen, request] {
     chosen = [request] {
-      print(check_text(request->scene_file, request->overrides, request->layout));
+      std::string refusal;
+      print(check_text(request->scene_file, request->overrides, request->layout, &refusal));
+      if (!refusal.empty()) throw UsageError(refusal);
       return exit_code::good;
     };
   });
@@ -500,6 +503,7 @@ int run_program(int argc, char** argv, const World& world) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::signal(SIGXFSZ, SIG_IGN);  // a limit on the size of files (ulimit -f) is then an error with a name
   spin_briefly(argv);
   try {
     return run_program(argc, argv, World::join());

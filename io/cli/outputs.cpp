@@ -6,6 +6,7 @@
 #include <cmath>
 #include <span>
 
+#include "io/checkpoint/subdirectory.hpp"
 #include "io/cli/progress.hpp"
 #include "io/cli/text.hpp"
 #include "io/snapshot/snapshot.hpp"
@@ -81,7 +82,8 @@ Outputs::Outputs(const fs::path& directory, const Simulation& simulation, RunRec
       is_distributed_(simulation.scene().output.distributed),
       keeps_energy_(simulation.scene().output.energy),
       snapshots_(simulation.scene().output.snapshot_interval, simulation.time_step()),
-      checkpoints_(simulation.scene().output.checkpoint_interval, simulation.time_step()) {
+      checkpoints_(simulation.scene().output.checkpoint_interval, simulation.time_step()),
+      watch_(simulation.scene()) {
   if (world_.is_root()) open_series(restart);
   world_.wait_for_all();  // nobody looks at files that are being removed
   if (!world_.is_root()) series_.emplace(directory_);
@@ -189,6 +191,15 @@ void Outputs::write_energy(const Simulation& simulation) {
   if (!energy_) return;
   energy_->add(simulation.step_number(), energy_values(simulation.time(), ledger));
   log_->note(energy_line(simulation.time(), ledger));
+  warn(watch_.look(ledger, simulation.time()));
+}
+
+void Outputs::warn(const std::vector<std::string>& warnings) {
+  for (const std::string& warning : warnings) log_->warn(warning);
+}
+
+void Outputs::watch_gas(const Simulation& simulation) {
+  if (const auto gas = simulation.gas_totals()) warn(watch_.look(*gas, simulation.time()));
 }
 
 void Outputs::write_snapshot_now(const Simulation& simulation) {
@@ -219,7 +230,7 @@ void Outputs::write_checkpoint_now(const Simulation& simulation) {
   // The series first: a restart counts on the rows up to its step.
   if (world_.is_root()) {
     sync_tables();
-    make_directory(checkpoint_directory(directory_));
+    make_subdirectory(checkpoint_directory(directory_));
   }
   world_.wait_for_all();  // for the directory
   const fs::path path = checkpoint_directory(directory_) / checkpoint_name(step);

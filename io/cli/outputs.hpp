@@ -12,6 +12,7 @@
 #include "io/cli/log.hpp"
 #include "io/cli/schedule.hpp"
 #include "io/cli/table_file.hpp"
+#include "io/cli/watch.hpp"
 #include "io/snapshot/series.hpp"
 
 namespace moraine {
@@ -34,6 +35,9 @@ class Outputs {
 
   /// True where any output is due at that step.
   bool is_due(std::uint64_t step) const;
+
+  /// Tells of what the gas has come to, where that must be known. All ranks may call it in any step.
+  void watch_gas(const Simulation& simulation);
 
   /// Makes sure that the present step has a snapshot. Throws StorageError.
   void write_snapshot_now(const Simulation& simulation);
@@ -62,6 +66,7 @@ class Outputs {
   void sync_tables();
   void write_probes(Simulation& simulation);
   void write_energy(const Simulation& simulation);
+  void warn(const std::vector<std::string>& warnings);
   void check_grains(const Simulation& simulation, const Image& image) const;
 
   std::filesystem::path directory_;
@@ -80,6 +85,7 @@ class Outputs {
   std::optional<std::filesystem::path> last_checkpoint_;
   std::optional<std::uint64_t> last_checkpoint_step_;
   double seconds_ = 0.0;
+  Watch watch_;
 };
 
 }  // namespace moraine

@@ -5,18 +5,21 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <functional>
 #include <new>
 #include <span>
 #include <sstream>
 
+#include "engine/run/flight_record.hpp"
 #include "engine/run/simulation.hpp"
 #include "io/checkpoint/checkpoint.hpp"
 #include "io/cli/failure.hpp"
 #include "io/cli/interrupt.hpp"
 #include "io/cli/launch.hpp"
 #include "io/cli/layout.hpp"
+#include "io/cli/memory.hpp"
 #include "io/cli/outputs.hpp"
 #include "io/cli/programs.hpp"
 #include "io/cli/progress.hpp"
@@ -248,6 +251,8 @@ class RunLoop {
     const InterruptGuard guard;
     try {
       return go();
+    } catch (const RecordedRunError& error) {
+      fail("", error.what() + kept_record(error.record));
     } catch (const RunError& error) {
       fail("", error.what());  // which says at which step
     } catch (const StorageError& error) {
@@ -289,7 +294,10 @@ class RunLoop {
     times_.particle_steps += static_cast<double>(simulation_.n_grains());
     ++times_.n_steps;
     say_news();
-    if (outputs_) outputs_->write_due(simulation_);
+    if (outputs_) {
+      outputs_->watch_gas(simulation_);
+      outputs_->write_due(simulation_);
+    }
     if (times_.n_warm_up < request_.warm_up && times_.n_steps == request_.warm_up) end_warm_up();
   }
 
@@ -362,6 +370,18 @@ class RunLoop {
   }
 
   std::string step_text() const { return fmt::format("step {}: ", simulation_.step_number()); }
+
+  /// Keeps the last steps of the grains concerned, and says where; "" where that fails.
+  std::string kept_record(const std::string& record) const {
+    const std::string rank = world_.is_alone() ? "" : fmt::format(".rank-{:04}", world_.rank());
+    const fs::path path = directory_ / ("flight_record" + rank + ".csv");
+    try {
+      write_file(path, record);
+    } catch (const StorageError&) {
+      return {};
+    }
+    return "\n  the last steps of the grains concerned: " + path.string();
+  }
 
   /// Says what happened, where it is not known by itself also when. Of several ranks only this one may know: it speaks
   /// for all, and ends them.
@@ -478,6 +498,14 @@ int run_on_ranks(const RunRequest& request, Scene& scene, const Layout& layout, 
   return exit_code::failed;
 }
 
+/// The share of the ranks that is on the root's node, as mpirun tells; srun and others do not.
+std::optional<double> share_of_node(const World& world) {
+  const char* const n = std::getenv("OMPI_COMM_WORLD_LOCAL_SIZE");
+  const int n_here = n == nullptr ? 0 : std::atoi(n);
+  if (n_here < 1 || n_here > world.size()) return std::nullopt;
+  return static_cast<double>(n_here) / world.size();
+}
+
 }  // namespace
 
 int run_scene(const RunRequest& request, Log& log, const World& world) {
@@ -494,11 +522,14 @@ int run_scene(const RunRequest& request, Log& log, const World& world) {
   GivenLayout given;
   if (World::is_launched()) {
     given = layout_of_given_ranks(request.layout, scene.run.layout, world);
+    if (const auto share = share_of_node(world); share && world.is_root())
+      expect_to_fit(make_plan(scene, given.layout.threads), given.layout, *share);
   } else {
     const LayoutChoice choice = layout_for(scene, request.layout);
     given.layout = choice.layout;
     given.why = choice.why;
     given.is_crowded = given.layout.threads > available_cores();
+    if (!this_place().is_one_of_many) expect_to_fit(make_plan(scene, given.layout.threads), given.layout);
     if (!given.why.empty()) log.say(fmt::format("layout {}: {}", given.layout.text(), given.why));
     if (given.layout.ranks > 1) return run_on_ranks(request, scene, given.layout, log);
   }

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "io/files/files.hpp"
+#include "io/files/hdf5_room.hpp"
 #include "kernels/base/range.hpp"
 
 namespace moraine {
@@ -49,7 +50,9 @@ class Quiet {
 class SnapshotReader {
  public:
   explicit SnapshotReader(const std::filesystem::path& path)
-      : path_(path), file_(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose) {
+      : path_(path),
+        bytes_(bytes_with_rank_files(path)),
+        file_(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose) {
     if (!file_.is_open()) throw FileError(fmt::format("is not an HDF5 file, or a damaged one: {}", path.string()));
   }
 
@@ -101,11 +104,26 @@ class SnapshotReader {
     H5Sget_simple_extent_dims(space, size, nullptr);
     if (size[1] != static_cast<hsize_t>(components))
       fail(name, fmt::format("has {} columns; expected {}", size[1], components));
+    const double n_values = static_cast<double>(size[0]) * static_cast<double>(size[1]);
+    if (!files::has_room(dataset, n_values, 1, bytes_))
+      fail(name, "says that it has more values than the file can hold");
     opened.n_rows = size[0];
     return opened;
   }
 
+  /// Of the file, and of those of the ranks that it may show as its own.
+  static std::uint64_t bytes_with_rank_files(const std::filesystem::path& path) {
+    std::error_code ignored;
+    std::uint64_t bytes = std::filesystem::file_size(path, ignored);
+    const std::string begin = path.stem().string() + ".rank-";
+    for (const auto& entry :
+         std::filesystem::directory_iterator(std::filesystem::absolute(path).parent_path(), ignored))
+      if (entry.path().filename().string().starts_with(begin)) bytes += entry.file_size(ignored);
+    return bytes;
+  }
+
   const std::filesystem::path& path_;
+  std::uint64_t bytes_;
   Handle file_;
 };
 

@@ -240,7 +240,7 @@ bool Reader::read(const At& at, const char*, std::uint64_t& out) {
 bool Reader::read(const At& at, const char*, int& out) {
   std::int64_t value = 0;
   if (!read_integer(at, INT64_MIN, value)) return false;
-  if (std::abs(value) > 1000000000) {
+  if (value > 1000000000 || value < -1000000000) {
     complain(at, "expected a number of at most 1e9");
     return false;
   }

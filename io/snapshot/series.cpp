@@ -10,6 +10,7 @@
 #include "io/checkpoint/agreement.hpp"
 #include "io/checkpoint/image_file.hpp"
 #include "io/checkpoint/rank_files.hpp"
+#include "io/checkpoint/subdirectory.hpp"
 #include "io/snapshot/snapshot.hpp"
 
 namespace moraine {
@@ -137,7 +138,7 @@ void SnapshotSeries::write() const {
 void SnapshotSeries::add(const Image& image, const World& world, bool distributed) {
   const std::string entry = entry_of(image);
   const fs::path directory = snapshot_directory(run_directory_);
-  agree_on_root(world, directory, [&] { make_directory(directory); });
+  agree_on_root(world, directory, [&] { make_subdirectory(directory); });
   write_snapshot(directory / snapshot_name(image.step), image, world, distributed);
   entries_[image.step] = entry;
   agree_on_root(world, file(), [&] { write(); });

@@ -195,6 +195,15 @@ const std::vector<Broken> table = {
      "21: key \"particles[0].fill.region\": has box and sphere; expected exactly one shape of: box, cylinder, sphere"},
     {"lattice closer than the grains", "fill = { count = 10 }", "fill = { lattice = \"cubic\", spacing = 0.01 }",
      "21: key \"particles[0].fill.spacing\": is 0.01 m, less than the largest diameter, 0.02 m: grains would overlap"},
+    {"more grains than can be counted", "fill = { count = 10 }", "fill = { lattice = \"cubic\", count = 5000000000 }",
+     "21: key \"particles[0].fill.count\": is 5000000000; a group cannot hold more than 2147483648 grains"},
+    {"a lattice of dust", "diameter = 0.02\nfill = { count = 10 }", "diameter = 1e-5\nfill = { lattice = \"cubic\" }",
+     "21: key \"particles[0].fill.lattice\": has about 1e+15 sites 1e-05 m apart in its region; at most 2147483648 are "
+     "possible"},
+    {"a fill of dust", "diameter = 0.02\nfill = { count = 10 }", "diameter = 1e-5\nfill = { solid_fraction = 0.5 }",
+     "21: key \"particles[0].fill.solid_fraction\": is 0.5: that takes about 9.55e+14 grains; a group cannot hold more "
+     "than "
+     "2147483648"},
     {"grain outside the domain", "fill = { count = 10 }",
      "fill = { positions = [[0.5, 0.5, 0.5], [0.5, 0.5, 1.5], [2, 0, 0]] }",
      "21: key \"particles[0].fill.positions\": grain 1 is at [0.5, 0.5, 1.5] m, outside the domain, [0, 0, 0] to [1, "
