@@ -140,9 +140,9 @@ std::string time_rows(const Scene& scene, const Plan& plan) {
                                                   choice.steps_per_contact, choice.contact_time));
   rows += row("", "the shortest is " + choice.limit);
   if (scene.time.step) rows += row("", fmt::format("\"auto\" would choose {:.6g} s", choice.automatic));
-  for (const StepLimit& limit : choice.limits)
-    rows += row("", fmt::format("{} {:.4g} s by {}", &limit == &choice.limits.front() ? "limited to" : "        to",
-                                limit.step, limit.words));
+  rows += row("", "limited by " + choice.limits.front().words);
+  for (std::size_t i = 1; i < choice.limits.size(); ++i)
+    rows += row("", fmt::format("  {:.4g} s would be allowed by {}", choice.limits[i].step, choice.limits[i].words));
   if (plan.n_grains > 0) rows += step_error_rows(scene, choice);
   return rows + row("time", fmt::format("{:.6g} s in {}", scene.time.end, counted(plan.n_steps, "step")));
 }

@@ -72,8 +72,10 @@ void HtmlPage::table(const Table& table) {
   for (std::size_t i = 1; i < table.rows.size(); ++i) {
     const bool is_marked = std::find(table.marked.begin(), table.marked.end(), i) != table.marked.end();
     body_ += is_marked ? "<tr class=\"marked\">" : "<tr>";
-    for (const std::string& entry : table.rows[i])
-      body_ += fmt::format("<td{}>{}</td>", is_number(entry) ? " class=\"number\"" : "", html_escaped(entry));
+    for (const std::string& entry : table.rows[i]) {
+      const bool is_value = &entry != &table.rows[i].front() && is_number(entry);
+      body_ += fmt::format("<td{}>{}</td>", is_value ? " class=\"number\"" : "", html_escaped(entry));
+    }
     body_ += "</tr>\n";
   }
   body_ += "</tbody></table></div>\n";

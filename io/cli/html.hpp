@@ -23,7 +23,7 @@ class HtmlPage {
     std::vector<std::vector<std::string>> rows;  // the first is the head
     std::vector<std::size_t> marked;             // rows that stand out
   };
-  /// Entries that begin with a digit or a sign are right-aligned.
+  /// Entries that begin with a digit or a sign are right-aligned, those of the first column are not.
   void table(const Table& table);
   /// An SVG file's text, without what only a file of its own needs. Names inside it get a prefix, so that several drawings
   /// do not take each other's.

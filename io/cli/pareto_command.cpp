@@ -63,6 +63,15 @@ std::vector<ProbeColumn> columns_of(const ParetoPlan& plan) {
   return columns;
 }
 
+/// The changes that a run is concerned by: not those of the table of the sweep itself, so that more settings do not make other runs.
+std::vector<std::string> changes_of_scene(const std::vector<std::string>& overrides) {
+  std::vector<std::string> changes = overrides;
+  std::erase_if(changes, [](const std::string& change) {
+    return change.starts_with("pareto.") || change.starts_with("pareto=") || change.starts_with("scale.");
+  });
+  return changes;
+}
+
 /// What all runs of the sweep change of the scene, besides their setting.
 std::vector<std::string> common_overrides(const ParetoPlan& plan, const std::vector<ProbeColumn>& columns) {
   std::vector<std::string> changes = {fmt::format("time.end={}", plan.end), "output.checkpoints=0",
@@ -146,7 +155,7 @@ class ParetoSweep {
   fs::path failure_file(const ParetoRun& run) const { return directory_.path() / "runs" / (name_of(run) + ".failed"); }
 
   std::vector<std::string> changes_of(const ParetoRun& run) const {
-    std::vector<std::string> changes = request_.overrides;
+    std::vector<std::string> changes = changes_of_scene(request_.overrides);
     for (const auto& more : {common_, plan_.settings[run.setting].overrides, repeat_overrides(plan_.scene, run.repeat)})
       changes.insert(changes.end(), more.begin(), more.end());
     return changes;

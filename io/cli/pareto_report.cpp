@@ -103,10 +103,16 @@ Json json_of(const ParetoResults& results, std::size_t i) {
 /// What a logarithmic axis can show.
 double shown(double error) { return std::max(std::abs(error), 1e-16); }
 
+/// A text as one entry of a line of data.
+std::string label_of(std::string name) {
+  std::replace(name.begin(), name.end(), '"', '\'');
+  return '"' + name + '"';
+}
+
 std::string point(const ParetoResult& r, double half_width) {
   const double error = shown(r.worst().value);
   return fmt::format("{} {} {} {} {}\n", r.seconds, error, std::max(error - half_width, 0.1 * error),
-                     error + half_width, quoted_gnuplot(r.setting.name));
+                     error + half_width, label_of(r.setting.name));
 }
 
 struct Series {
@@ -242,7 +248,7 @@ std::string pareto_gnuplot(const ParetoResults& results) {
   if (results.recommended) {
     const ParetoResult& best = results.results[*results.recommended];
     text += fmt::format("$recommended << EOD\n{} {}\nEOD\n", best.seconds, shown(best.worst().value));
-    add("$recommended using 1:2 with points pt 65 ps 3 lw 2 lc rgb '#ff7f0e' title 'recommended'");
+    add("$recommended using 1:2 with points pt 6 ps 3 lw 2.5 lc rgb '#ff7f0e' title 'recommended'");
   }
   text += fmt::format("accept = {}\n", results.accept);
   if (!plots.empty()) add("accept with lines dt 2 lc rgb '#999999' title 'acceptable'");
@@ -254,7 +260,7 @@ std::string pareto_gnuplot(const ParetoResults& results) {
   text += fmt::format("set title {} noenhanced\n", quoted_gnuplot(heading(results)));
   text +=
       "set logscale xy; set grid; set offsets graph 0.05, graph 0.25, graph 0.05, graph 0.05; set format y '%.0e'\n"
-      "set key outside bottom center horizontal; set xlabel 'time to the end of the scene [s]'; "
+      "set key outside bottom center horizontal; set bmargin 7; set xlabel 'time to the end of the scene [s]'; "
       "set ylabel 'error [-]'\n";
   text += plots + '\n';
   return text + "set output\nreset\n}\n";

@@ -75,8 +75,11 @@ Series series_of(const fs::path& run_directory, const ProbeColumn& column) {
   return series;
 }
 
-void add_average(const Series& series, double from, const fs::path& directory, const ProbeColumn& column,
+/// A row is written at the step nearest to its time, so the one that is due at `from` may come half a step before it; without
+/// it averages of different steps would be over different times.
+void add_average(const Series& series, double due, const fs::path& directory, const ProbeColumn& column,
                  ParetoRecord& record) {
+  const double from = due - 0.5001 * record.summary.time_step;
   double sum = 0.0, squares = 0.0, n = 0.0;
   for (std::size_t i = 0; i < series.values.size(); ++i) {
     if (series.times[i] < from || !std::isfinite(series.values[i])) continue;
@@ -86,7 +89,7 @@ void add_average(const Series& series, double from, const fs::path& directory, c
   }
   if (n < 1.0)
     throw StorageError(directory / (column.probe + ".csv"),
-                       fmt::format("has no rows from {:g} s on to average \"{}\"", from, column.text));
+                       fmt::format("has no rows from {:g} s on to average \"{}\"", due, column.text));
   record.means.push_back(sum / n);
   record.deviations.push_back(std::sqrt(std::max(0.0, squares / n - sum * sum / (n * n))));
 }

@@ -60,8 +60,7 @@ inline void advance(Simulation& simulation, std::int64_t n_steps) {
 }
 
 /// Takes so many steps, and the second half of them once more from a checkpoint: both must end in the same state.
-inline void advance_through_restart(Simulation& simulation, std::int64_t n_steps) {
-  const Scene scene = simulation.scene();
+inline void advance_through_restart(Simulation& simulation, const Scene& scene, std::int64_t n_steps) {
   advance(simulation, n_steps / 2);
   Simulation again(scene, 2, simulation.checkpoint());
   advance(simulation, n_steps - n_steps / 2);

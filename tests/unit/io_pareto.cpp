@@ -202,6 +202,21 @@ TEST_CASE("statistics are compared repeat by repeat, so that what two runs share
   CHECK(error.reference == 20.0);
 }
 
+TEST_CASE("a row that is due where averages begin counts, also where its step came a little early") {
+  const Bench bench("[pareto]\nstatistics = [\"all.grains\"]\nfrom = 0.02\n");
+  RunSummary summary;
+  summary.time_step = 1e-3;
+  summary.ranks.emplace_back();
+  write_file(bench.place.path() / "summary.json", summary_json(summary));
+  const auto mean = [&](const std::string& times) {
+    write_file(bench.place.path() / "all.csv", "step,time [s],grains\n" + times);
+    return read_record(bench.plan(), {{"all.grains", "all", "grains", "grains"}}, bench.place.path()).means.front();
+  };
+  CHECK(mean("1,0.01,100\n2,0.0196,20\n3,0.03,40\n") == 30.0);
+  CHECK(mean("1,0.01,100\n2,0.0204,20\n3,0.03,40\n") == 30.0);
+  CHECK_THROWS_WITH(mean("1,0.01,100\n"), Catch::Contains("has no rows from 0.02 s on"));
+}
+
 TEST_CASE("paths are compared by the shortest way around a periodic box, and without the grains that have left") {
   ParetoPlan plan = Bench().plan();
   plan.scene.domain.periodic = {true, false, false};
