@@ -147,7 +147,7 @@ GrainSums Bed::sums(const LawChoice& choice) {
   s.ring_mask = mine.ring_mask;
   s.kept = pairs.kept_slots();
   s.inside = domain;
-  s.kick.gain = s.kick.spin_gain = s.kick.drift = dt;
+  s.kick.gain = s.kick.time = s.kick.drift = dt;
   s.kick.gravity = {0.0, 0.0, -9.81};
   s.dissipated = choice.has_ledger ? particles.dissipated() : nullptr;
   return s;

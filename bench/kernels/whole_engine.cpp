@@ -34,7 +34,7 @@ struct Engine {
     put_grains(scene, make_grains(scene, 1), particles);
     const double r = particles.radius(0);
     contacts = std::make_unique<Contacts>(scene, walls, GrainKind{true, particles.inverse_mass(0), 1.0, r, r}, World());
-    kick.gain = kick.spin_gain = kick.drift = dt;
+    kick.gain = kick.time = kick.drift = dt;
     kick.gravity = scene.time.gravity;
     contacts->rebuild(particles, Bed::skin, 0.0, n_threads);
     StepResult result;

@@ -18,7 +18,9 @@ EnergyLedger take_ledger(const World& world, const Particles& particles, const C
     const double mass = 1.0 / particles.inverse_mass(i);
     kinetic.add(0.5 * mass * squared_length(now.linear[k]));
     potential.add(-mass * dot(gravity, particles.position(i)));
-    if (!now.angular.empty()) rotational.add(0.5 / particles.inverse_inertia(i) * squared_length(now.angular[k]));
+    const double rotation =
+        now.angular.empty() ? 0.0 : 0.5 / particles.inverse_inertia(i) * squared_length(now.angular[k]);
+    rotational.add(rotation);
     if (!has_losses) continue;
     const double* const lost = particles.dissipated() + 4 * static_cast<std::ptrdiff_t>(i);
     lost_normal.add(lost[0]);
@@ -26,6 +28,7 @@ EnergyLedger take_ledger(const World& world, const Particles& particles, const C
     lost_friction.add(lost[2]);
     lost_drag.add(lost[3]);
     lost_drag.add(0.5 * dt * damping * mass * squared_length(now.linear[k]));
+    lost_drag.add(dt * damping * rotation);
     if (particles.has(Field::gas_acceleration)) {
       const Vec3 push = particles.gas_acceleration(i);
       lost_drag.add(-0.25 * dt * mass * dot(push, particles.velocity(i) + now.linear[k]));

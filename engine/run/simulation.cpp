@@ -537,7 +537,7 @@ Kick Simulation::Parts::kick_of(double h) const {
   Kick kick;
   kick.keep = (1.0 - 0.5 * c * h) / (1.0 + 0.5 * c * h);
   kick.gain = h / (1.0 + 0.5 * c * h);
-  kick.spin_gain = h;
+  kick.time = h;
   kick.drift = dt;
   kick.drag_loss = 0.25 * c * h;
   kick.gravity = scene.time.gravity;

@@ -38,7 +38,7 @@ struct TimeControl {
   double steps_per_contact = 50.0;  // [-] with an automatic step: steps in the shortest contact
   double max_speed = 0.0;           // [m/s] fastest approach to expect, for Hertz contacts; 0: estimated from the scene
   Vec3 gravity;                     // [m/s2]
-  double damping = 0.0;             // [1/s] bulk viscosity c: F = -c m v
+  double damping = 0.0;             // [1/s] bulk viscosity c: F = -c m v, T = -c I omega
 };
 
 struct Material {

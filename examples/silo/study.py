@@ -3,10 +3,11 @@
 
     python3 study.py [--program ../../moraine] [--diameters 0.024 0.030 0.036 0.042] [--out runs/silo_study]
 
-Beverloo, Leniger and van de Velde (1961) found C = 0.58, n = 5/2 and k = 1.4; later work has C between 0.55 and 0.65 and k
-between 1 and 2. k is fixed here, because rates over such a range of D cannot tell it from n. rho_b is the bulk density
-above the orifice in the run, measured before it opens. The silo is filled to 0.13 m, less than scene.toml, because the rate
-does not depend on the height of the filling. Needs Python 3 and nothing else.
+Beverloo, Leniger and van de Velde (1961) drew W^(2/5) against D: a straight line, whose slope gives C and whose zero, at D = k d, gives
+k. They found C = 0.58 and k = 1.4; later work has C between 0.55 and 0.65 and k between 1 and 2. The same is done here, and then
+the exponent is fitted to the rates with that k. rho_b is the bulk density above the orifice in the run, measured before it
+opens. The silo is filled to 0.13 m, less than scene.toml, because the rate does not depend on the height of the filling.
+Needs Python 3 and nothing else.
 """
 
 import argparse
@@ -45,27 +46,49 @@ def run(program, diameter, directory, extra):
     return statistics.fmean(rates), statistics.stdev(rates) / 2, DENSITY * statistics.fmean(solid)
 
 
+def line(x, y):
+    """Slope and intercept of the least-squares line."""
+    mean_x, mean_y = statistics.fmean(x), statistics.fmean(y)
+    slope = sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y)) / sum((a - mean_x) ** 2 for a in x)
+    return slope, mean_y - slope * mean_x
+
+
+def beverloo(diameters, flows):
+    """C, k and, with that k, the exponent n, from W / (rho_b sqrt(g)) [m^(5/2)]."""
+    slope, intercept = line(diameters, [flow ** 0.4 for flow in flows])
+    k = -intercept / slope / GRAIN
+    exponent, _ = line([math.log(d - k * GRAIN) for d in diameters], [math.log(flow) for flow in flows])
+    return slope ** 2.5, k, exponent
+
+
+def with_errors(diameters, flows, errors):
+    """The same, each with its standard error as the errors of the flows make it."""
+    best = beverloo(diameters, flows)
+    squares = [0.0] * len(best)
+    for i, error in enumerate(errors):
+        moved = beverloo(diameters, flows[:i] + [flows[i] + error] + flows[i + 1:])
+        squares = [s + (m - b) ** 2 for s, m, b in zip(squares, moved, best)]
+    return [(b, math.sqrt(s)) for b, s in zip(best, squares)]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--program", default=str(HERE.parents[1] / "moraine"))
     parser.add_argument("--diameters", type=float, nargs="+", default=[0.024, 0.030, 0.036, 0.042])
     parser.add_argument("--out", type=Path, default=Path("runs/silo_study"))
-    parser.add_argument("--k", type=float, default=1.4)
     parser.add_argument("extra", nargs="*", help="further arguments of the runs, after --")
     arguments = parser.parse_args()
-    points = []
-    print("orifice [m]   rate [kg/s]         bulk density [kg/m3]   C (with n = 5/2)")
+    flows, errors = [], []
+    print("orifice [m]   rate [kg/s]         bulk density [kg/m3]   C with k = 1.4 alone")
     for diameter in arguments.diameters:
         rate, error, bulk = run(arguments.program, diameter, arguments.out / f"orifice_{1000 * diameter:g}mm", arguments.extra)
-        free = diameter - arguments.k * GRAIN
+        flows.append(rate / (bulk * math.sqrt(GRAVITY)))
+        errors.append(error / (bulk * math.sqrt(GRAVITY)))
         print(f"{diameter:8.4f}      {rate:.4f} +- {error:.4f}    {bulk:8.1f}               "
-              f"{rate / (bulk * math.sqrt(GRAVITY) * free ** 2.5):.3f}", flush=True)
-        points.append((math.log(free), math.log(rate / (bulk * math.sqrt(GRAVITY)))))
-    if len(points) > 1:
-        x, y = (statistics.fmean(column) for column in zip(*points))
-        exponent = sum((a - x) * (b - y) for a, b in points) / sum((a - x) ** 2 for a, _ in points)
-        constant = math.exp(statistics.fmean(b - 2.5 * a for a, b in points))
-        print(f"fit with k = {arguments.k:g}: exponent {exponent:.3f} (Beverloo 2.5); with the exponent 2.5, C = {constant:.3f}")
+              f"{flows[-1] / (diameter - 1.4 * GRAIN) ** 2.5:.3f}", flush=True)
+    if len(flows) > 2:
+        (constant, dc), (k, dk), (exponent, dn) = with_errors(arguments.diameters, flows, errors)
+        print(f"Beverloo: C = {constant:.3f} +- {dc:.3f}, k = {k:.2f} +- {dk:.2f}; the exponent with that k: {exponent:.3f} +- {dn:.3f}")
 
 
 if __name__ == "__main__":

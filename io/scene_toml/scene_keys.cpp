@@ -245,7 +245,8 @@ const KeyTable<TimeControl>& time_keys() {
       value("max_speed", &TimeControl::max_speed,
             {"m/s", "fastest approach to expect, which shortens Hertz contacts; 0: estimated from the scene"}),
       value("gravity", &TimeControl::gravity, {"m/s2", "acceleration of gravity"}),
-      value("damping", &TimeControl::damping, {"1/s", "bulk viscosity c: a force -c m v on each grain"}),
+      value("damping", &TimeControl::damping,
+            {"1/s", "bulk viscosity c: a force -c m v on each grain, a torque -c I omega on one that rotates"}),
   }};
   return keys;
 }

@@ -12,6 +12,13 @@ HWY_BEFORE_NAMESPACE();
 namespace moraine {
 namespace HWY_NAMESPACE {
 
+/// x x + y y + z z.
+HWY_INLINE double square_of(Quad a) {
+  alignas(32) double c[4];
+  store_quad(c, a);
+  return c[0] * c[0] + c[1] * c[1] + c[2] * c[2];
+}
+
 struct Sum {
   Quad force, moment, lost;
 };
@@ -58,7 +65,6 @@ MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Ran
   const Quad gravity = load_quad(g4), low = load_quad(low4), high = load_quad(high4);
   const Quad moves = load_quad(moves4), spins = load_quad(spins4);
   const Quad keep = set_quad(kick.keep), gain = set_quad(kick.gain), drift = set_quad(kick.drift);
-  const Quad spin_gain = set_quad(kick.spin_gain);
   Quad outside = set_quad(0.0), fastest = set_quad(0.0), finite = set_quad(0.0);
   std::int64_t w = 0;
   for (std::int64_t n = range.begin; n < range.end; ++n) {
@@ -82,23 +88,25 @@ MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Ran
     outside = or_outside(outside, x_new, low, high);
     if constexpr (has_rotation) {
       const Quad w_old = load_quad(record + 8);
-      const Quad w_new = fma(sum.moment * spins, last_of(w_old) * spin_gain, w_old);
+      const Quad w_new = fma(sum.moment * spins, last_of(w_old) * gain, w_old * keep);
       store_quad(record + 8, with_last(w_new, w_old));
       finite = fma(w_new, set_quad(0.0), finite);
+      if constexpr (has_ledger)
+        if (record[11] > 0.0)
+          sums.dissipated[4 * std::int64_t{i} + 3] += kick.drag_loss / record[11] * square_of(w_old + w_new);
     }
     if constexpr (has_ledger) {
-      alignas(32) double mean[4];
-      store_quad(mean, v_old + v_new);
-      const double squares = mean[0] * mean[0] + mean[1] * mean[1] + mean[2] * mean[2];
       double* const lost = sums.dissipated + 4 * std::int64_t{i};
       alignas(32) double contacts[4];
       store_quad(contacts, sum.lost);
       for (int k = 0; k < 3; ++k) lost[k] += contacts[k];
-      if (record[7] > 0.0) lost[3] += kick.drag_loss / record[7] * squares;
+      if (record[7] > 0.0) lost[3] += kick.drag_loss / record[7] * square_of(v_old + v_new);
       if (sums.push && record[7] > 0.0) {
+        alignas(32) double twice[4];
+        store_quad(twice, v_old + v_new);
         const double* const push = sums.push + 3 * std::int64_t{i};
-        const double power = push[0] * mean[0] + push[1] * mean[1] + push[2] * mean[2];
-        lost[3] -= 0.5 * kick.spin_gain / record[7] * power;
+        const double power = push[0] * twice[0] + push[1] * twice[1] + push[2] * twice[2];
+        lost[3] -= 0.5 * kick.time / record[7] * power;
       }
     }
     if (sums.force) {

@@ -3,7 +3,8 @@
 // Integration: leapfrog, velocities half a step before positions,
 //   v(n+1/2) = v(n-1/2) + a(n) dt,   x(n+1) = x(n) + v(n+1/2) dt,
 // which is the kick-drift-kick form of velocity Verlet with one force evaluation a step (Verlet 1967; Hairer, Lubich &
-// Wanner 2003). The first kick is half a step. Bulk viscosity F = -c m v is taken at the mean of the old and the new velocity.
+// Wanner 2003). The first kick is half a step. Bulk viscosity, F = -c m v and T = -c I omega, is taken at the mean of the old and
+// the new velocity.
 //
 // A grain's force is the sum over its pairs in the order of its entries (by the other's gid), then over its wall touches.
 #pragma once
@@ -25,13 +26,14 @@ constexpr Entry make_entry(std::uint32_t slot, bool is_kept, bool is_b) {
 
 /// The kick of one step.
 struct Kick {
-  double keep = 1.0;       // factor of the old velocity: (1 - c dt/2)/(1 + c dt/2)
-  double gain = 0.0;       // [s] factor of the acceleration: dt/(1 + c dt/2)
-  double spin_gain = 0.0;  // [s] the same of the angular acceleration: dt
-  double drift = 0.0;      // [s] dt
-  double drag_loss = 0.0;  // [1] share of m |v_old + v_new|^2 lost to bulk viscosity in the step: c dt/4
-  Vec3 gravity;            // [m/s2]
-  bool is_flat = false;    // two dimensions: no motion along z, no spin but about z
+  double keep = 1.0;   // factor of the old velocity and spin: (1 - c dt/2)/(1 + c dt/2)
+  double gain = 0.0;   // [s] factor of the acceleration, linear and angular: dt/(1 + c dt/2)
+  double time = 0.0;   // [s] how long the kick is: dt
+  double drift = 0.0;  // [s] dt
+  double drag_loss =
+      0.0;       // [1] share of m |v_old + v_new|^2 lost to bulk viscosity in the step, and of spin likewise: c dt/4
+  Vec3 gravity;  // [m/s2]
+  bool is_flat = false;  // two dimensions: no motion along z, no spin but about z
 };
 
 struct GrainSums {

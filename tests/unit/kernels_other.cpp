@@ -98,16 +98,20 @@ PlainGrain plain_advance(const MotionSetup& m, int i) {
   for (std::size_t w = 0; w < m.wall_grain.size(); ++w)
     if (m.wall_grain[w] == i) add(m.walls.data() + w * slot, false);
   const Kick& kick = m.sums.kick;
-  long double squares = 0;
+  long double squares = 0, turns = 0;
   for (int k = 0; k < 3; ++k) {
     const bool moves = !(kick.is_flat && k == 2), spins = !(kick.is_flat && k != 2);
     const long double a = moves ? g.force[k] * r[7] + kick.gravity[k] : 0.0L;
     g.v[k] = kick.keep * r[4 + k] + a * kick.gain;
     g.x[k] = r[k] + kick.drift * g.v[k];
     squares += (g.v[k] + r[4 + k]) * (g.v[k] + r[4 + k]);
-    if (m.has_rotation) g.w[k] = r[8 + k] + (spins ? g.moment[k] * r[11] * kick.spin_gain : 0.0L);
+    if (m.has_rotation) {
+      g.w[k] = kick.keep * r[8 + k] + (spins ? g.moment[k] * r[11] * kick.gain : 0.0L);
+      turns += (g.w[k] + r[8 + k]) * (g.w[k] + r[8 + k]);
+    }
   }
   if (m.has_ledger) g.lost[3] += kick.drag_loss / r[7] * squares;
+  if (m.has_ledger && m.has_rotation && r[11] > 0.0) g.lost[3] += kick.drag_loss / r[11] * turns;
   return g;
 }
 
