@@ -198,7 +198,7 @@ void Simulation::Parts::cut(std::span<const float> weights) {
       if (!weights.empty()) those_here.push_back(weights[static_cast<std::size_t>(i)]);
     }
   contacts->set_subdomains(decompose(world, world.size(), positions, those_here, scene, kind.largest_radius,
-                                     moraine::widest_skin(scene, plan)));
+                                     moraine::widest_skin(scene, plan) + contacts->range()));
   ++n_cuts;
   rebuilds_since_cut = 0;
   worked_until_cut = worked();
@@ -242,7 +242,7 @@ double Simulation::Parts::widest_skin() const {
   double widest = infinity;
   for (int axis = 0; axis < 3; ++axis)
     if (scene.domain.periodic[static_cast<std::size_t>(axis)])
-      widest = std::min(widest, scene.domain.box().size()[axis] - 2.0 * kind.largest_radius);
+      widest = std::min(widest, scene.domain.box().size()[axis] - 2.0 * kind.largest_radius - contacts->range());
   return widest;
 }
 
@@ -526,7 +526,7 @@ void Simulation::Parts::take_memory(Image& image) {
   trim_heap();
   gather_memory(particles, *contacts, image);
   contacts->set_aside();
-  contacts->give_back(carry_by_place(particles, image.pairs));
+  contacts->give_back(carry_by_place(particles, image));
   trim_heap();
 }
 

@@ -35,6 +35,7 @@ SMALL = {
     "fluidized_bed": (["time.end=0.05", "output.snapshots=0.01"], 0.02, False),
     "deep_bed": (["time.end=0.04", "output.snapshots=0.01", "domain.high=[0.08,0.08,0.25]", "gas.cells=[8,8,25]",
                   "particles[0].fill.count=5000", "probe[2].region={}"], 0.02, False),
+    "wet_pile": (["time.end=0.15", "wall[1].until=0.03", "output.snapshots=0.05"], 0.08, True),
     "settled_bed": (["time.end=0.08", "domain.high=[0.04, 0.12, 0.05]", "output.snapshots=0.02"], 0.05, False),
 }
 
