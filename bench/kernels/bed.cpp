@@ -104,7 +104,7 @@ void Bed::restart(const LawChoice& choice) {
                                     : p[Parameter::young] / (6.0 * p[Parameter::shear]));
   if (choice.tangential == TangentialLaw::power) limit *= 1.5;
   ThreadPairs& mine = thread();
-  mine.memory_columns = memory_columns(choice.has_ledger);
+  mine.columns = memory_of(choice);
   for (std::int64_t k = 0; k < n_slots; ++k) {
     const auto q = static_cast<std::size_t>(k);
     mine.set_memory(k, {});

@@ -56,7 +56,7 @@ void add_contact_sweeps() {
   for (const Size size : sizes)
     for (const NormalLaw normal : normals)
       for (const TangentialLaw tangential : tangentials) {
-        if (!is_listed(normal, tangential)) continue;
+        if (!is_listed({normal, tangential})) continue;
         const bool is_common =
             tangential == (normal == NormalLaw::linear ? TangentialLaw::spring : TangentialLaw::mindlin);
         for (const bool has_rotation : {true, false})
@@ -66,7 +66,7 @@ void add_contact_sweeps() {
       }
   for (const NormalLaw normal : normals)
     for (const TangentialLaw tangential : tangentials) {
-      if (!is_listed(normal, tangential)) continue;
+      if (!is_listed({normal, tangential})) continue;
       for (const bool has_rotation : {true, false}) {
         const LawChoice c{normal, tangential, has_rotation, true, false};
         for (const Size size : sizes) {

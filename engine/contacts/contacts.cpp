@@ -22,8 +22,13 @@ std::vector<Vec3> image_shifts(Vec3 period) {
 }
 
 LawChoice choose_laws(const Scene& scene, bool is_uniform) {
-  return {scene.contact.normal, scene.contact.tangential, scene.contact.rotation, is_uniform, scene.output.energy};
+  LawChoice choice = law_choice(scene);
+  choice.is_uniform = is_uniform;
+  return choice;
 }
+
+/// Bonds at walls are looked at a little beyond their range, so that a break is seen.
+double wall_reach(const LawChoice& choice, double range) { return has_bond(choice.cohesion) ? 1.5 * range : range; }
 
 }  // namespace
 
@@ -33,20 +38,23 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
       laws_(scene),
       choice_(choose_laws(scene, kind.is_uniform && laws_.n_pair_species == 1)),  // uniform: all pairs go by row 0
       kernels_(contact_kernels(choice_)),
-      motion_(motion_kernel(choice_.has_rotation, choice_.has_ledger)),
+      motion_(motion_kernel(choice_.has_rotation, choice_.has_ledger, choice_.has_further())),
       uniform_inverse_mass_(kind.inverse_mass),
       largest_radius_(kind.largest_radius),
       max_overlap_(scene.run.max_overlap),
+      range_(laws_.attraction_range(choice_.cohesion, kind.largest_radius)),
       walls_(&walls),
       measures_walls_(walls.is_any_moving() && (scene.output.energy || !walls.servo_walls().empty())),
       image_shift_(image_shifts(domain_.size())),
       world_(world),
-      wall_contacts_(walls, scene.domain, moraine::has_history(scene.contact.tangential),
-                     slot_size(choice_.has_rotation, choice_.has_ledger)) {
-  needs_.memory_columns = moraine::has_history(choice_.tangential) ? memory_columns(choice_.has_ledger) : 0;
+      wall_contacts_(walls, scene.domain, memory_of(choice_), choice_.has_further(),
+                     slot_size(choice_.has_rotation, choice_.has_ledger, choice_.has_further()),
+                     wall_reach(choice_, range_)) {
+  needs_.memory = memory_of(choice_);
+  needs_.range = range_;
   needs_.has_images = periodic_[0] || periodic_[1] || periodic_[2];
   needs_.has_species = laws_.n_pair_species > 1;
-  needs_.slot_size = slot_size(choice_.has_rotation, choice_.has_ledger);
+  needs_.slot_size = slot_size(choice_.has_rotation, choice_.has_ledger, choice_.has_further());
   needs_.species_table = laws_.pair_species.data();
   needs_.n_materials = laws_.n_materials;
 }
@@ -98,12 +106,13 @@ void Contacts::build(Particles& particles, PairCarry& pairs, WallCarry& walls, s
                      double skin, double time, int n_threads) {
   std::array<bool, 3> wraps = periodic_;  // the directions in which this rank's grains meet their own images
   if (!world_.is_alone()) {
-    n_migrated_ += migrate(world_, subdomains_, is_leaving, particles, pairs, walls, n_threads);
+    n_migrated_ +=
+        migrate(world_, subdomains_, is_leaving, needs_.memory.has_further(), particles, pairs, walls, n_threads);
     for (int axis = 0; axis < 3; ++axis) wraps[static_cast<std::size_t>(axis)] = subdomains_.spans(world_.rank(), axis);
   }
-  cells_.sort(particles, domain_, wraps, 2.0 * largest_radius_ + skin, n_threads);
+  cells_.sort(particles, domain_, wraps, 2.0 * largest_radius_ + skin + range_, n_threads);
   particles.reorder(cells_.order(), n_threads);
-  if (!world_.is_alone()) ghosts_.make(world_, subdomains_, particles, largest_radius_, skin);
+  if (!world_.is_alone()) ghosts_.make(world_, subdomains_, particles, largest_radius_, skin + range_);
   pairs_.build(particles, cells_, ghosts_.copies(), image_shift_, skin, needs_, cells_.order(), pairs, n_threads);
   wall_contacts_.build(particles, pairs_, skin, time, cells_.order(), walls, n_threads);
 }
@@ -167,6 +176,9 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   sweep.radius = largest_radius_;  // of all, where the sweep asks
   sweep.dt = dt;
   sweep.max_overlap = max_overlap_;
+  sweep.rolling = choice_.rolling;
+  sweep.cohesion = choice_.cohesion;
+  sweep.range = range_;
 
   GrainSums sums;
   sums.records = particles.records();
@@ -196,7 +208,8 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
     const std::int64_t n =
         wall_contacts_.touch(particles, thread, candidates, laws_.wall_species.data(), laws_.n_walls, sums.dissipated);
     const WallTouches& touches = wall_contacts_.touches(thread);
-    note(kernels_.walls({particles.records(), touches, &laws_.walls, dt, max_overlap_}, {0, n}));
+    note(kernels_.walls(
+        {particles.records(), touches, &laws_.walls, dt, max_overlap_, choice_.rolling, choice_.cohesion}, {0, n}));
     wall_contacts_.remember(thread, candidates);
     if (measures_walls_)
       wall_contacts_.measure(particles, thread, candidates, dt, counted, choice_.has_ledger, step.walls);
@@ -298,17 +311,23 @@ ReferenceContact Contacts::pair_contact(const Particles& particles, std::int32_t
   const Vec3 separation = particles.position(a) - particles.position(b) + image_shift_[image];
   const double distance = length(separation);
   contact.overlap = particles.radius(a) + particles.radius(b) - distance;
-  if (!(contact.overlap > 0.0)) return contact;
+  if (!(contact.overlap > -range_)) return contact;
   contact.normal = separation / distance;
   const auto body = [&](std::int32_t i) {
-    return ContactBody{particles.velocity(i), particles.angular_velocity(i), particles.inverse_mass(i),
-                       1.0 / particles.radius(i), particles.radius(i) - 0.5 * contact.overlap};
+    return ContactBody{particles.velocity(i),
+                       particles.angular_velocity(i),
+                       particles.inverse_mass(i),
+                       1.0 / particles.radius(i),
+                       particles.radius(i) - 0.5 * contact.overlap,
+                       choice_.has_rotation ? particles.inverse_inertia(i) : 0.0};
   };
   contact.a = body(a);
   contact.b = body(b);
   if (memory) {
     contact.displacement = {memory->displacement[0], memory->displacement[1], memory->displacement[2]};
     contact.stored = memory->energy;
+    contact.angle = {memory->further.angle[0], memory->further.angle[1], memory->further.angle[2]};
+    contact.is_bound = memory->further.bond != 0.0;
   }
   return contact;
 }
@@ -317,11 +336,18 @@ ReferenceContact Contacts::wall_contact(const Particles& particles, const WallCo
   ReferenceContact contact;
   contact.overlap = mirror * (particles.radius(touch.grain) - touch.touch.distance);
   contact.normal = touch.touch.normal;
-  contact.a = {particles.velocity(touch.grain), particles.angular_velocity(touch.grain),
-               particles.inverse_mass(touch.grain), 1.0 / particles.radius(touch.grain), touch.touch.distance};
+  contact.a = {particles.velocity(touch.grain),
+               particles.angular_velocity(touch.grain),
+               particles.inverse_mass(touch.grain),
+               1.0 / particles.radius(touch.grain),
+               touch.touch.distance,
+               choice_.has_rotation ? particles.inverse_inertia(touch.grain) : 0.0};
   contact.b.velocity = touch.wall_velocity;
   contact.displacement = {touch.memory.displacement[0], touch.memory.displacement[1], touch.memory.displacement[2]};
   contact.stored = touch.memory.energy;
+  const FurtherMemory& further = touch.memory.further;
+  contact.angle = {further.angle[0], further.angle[1], further.angle[2]};
+  contact.is_bound = further.bond != 0.0;
   return contact;
 }
 

@@ -49,7 +49,7 @@ struct ContactReport {
   bool is_ours = true;          // false: a border contact that another rank counts, the owner of `grain`
   std::int32_t surface = -1;    // the surface, or -1
   bool is_mirror = false;       // the surface is a mirror
-  double overlap = 0.0;         // [m]
+  double overlap = 0.0;         // [m] below zero: a gap
   double smaller_radius = 0.0;  // [m]
   Vec3 point;                   // [m] where they touch (at `grain`'s side of periodic faces)
   Vec3 normal;                  // from the other to `grain`
@@ -134,7 +134,8 @@ class Contacts {
   /// Energy [J] that springs of departed grains have held since the start of this process; the sum over the ranks counts.
   const ExactSum& energy_left() const { return energy_left_; }
 
-  /// Calls f(ContactReport) for every touching contact at the present positions, in no particular order.
+  /// Calls f(ContactReport) for every contact at the present positions that has a force, in no particular order: all that touch, and
+  /// those that attract each other over a gap (an overlap below zero).
   template <typename Function>
   void for_each_contact(const Particles& particles, double dt, Function f) const {
     for_each_pair_contact(particles, dt, f);
@@ -156,7 +157,9 @@ class Contacts {
                     });
   }
   WallCarry wall_carry() const { return wall_contacts_.carry(); }
-  bool has_history() const { return needs_.memory_columns > 0; }
+  bool has_history() const { return needs_.memory.has_history; }
+  /// Gap beyond which no grains attract each other [m].
+  double range() const { return range_; }
   std::int64_t n_pairs() const { return pairs_.size(); }
   const PairList& pairs() const { return pairs_; }
   const Cells& cells() const { return cells_; }
@@ -189,6 +192,7 @@ class Contacts {
   double uniform_inverse_mass_;
   double largest_radius_;
   double max_overlap_;
+  double range_;
   const Walls* walls_;
   bool measures_walls_;
   PairNeeds needs_;
@@ -214,7 +218,7 @@ template <typename Function>
 void Contacts::for_each_pair_contact(const Particles& particles, double dt, Function f) const {
   pairs_.for_each(particles.dummy(), [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
     const ReferenceContact contact = pair_contact(particles, a, b, image, memory);
-    if (!(contact.overlap > 0.0)) return;
+    if (!(contact.overlap > -range_)) return;
     const std::size_t species = needs_.has_species
                                     ? laws_.pair_species[static_cast<std::size_t>(
                                           particles.material(a) * laws_.n_materials + particles.material(b))]
@@ -229,9 +233,8 @@ void Contacts::for_each_pair_contact(const Particles& particles, double dt, Func
     report.point = particles.position(a) - contact.a.arm * contact.normal;
     report.other_point = particles.position(b);
     report.stored = contact.stored;
-    report.result = reference_contact(choice_.normal, choice_.tangential, choice_.has_rotation, laws_.pairs.at(species),
-                                      contact, dt);
-    f(report);
+    report.result = reference_contact(choice_, laws_.pairs.at(species), contact, dt);
+    if (report.result.acts) f(report);
   });
 }
 
@@ -254,9 +257,8 @@ void Contacts::for_each_wall_contact(const Particles& particles, double dt, Func
     report.other_point = report.point;
     if (walls_->is_moving(touch.surface)) report.wall_velocity = walls_->velocity_now(touch.surface).at(report.point);
     report.stored = contact.stored;
-    report.result = reference_contact(choice_.normal, choice_.tangential, choice_.has_rotation, laws_.walls.at(species),
-                                      contact, dt, mirror);
-    f(report);
+    report.result = reference_contact(choice_, laws_.walls.at(species), contact, dt, mirror);
+    if (report.result.acts) f(report);
   });
 }
 

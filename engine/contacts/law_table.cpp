@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "engine/scene/lists.hpp"
+#include "kernels/contact/reference/reference.hpp"
 
 namespace moraine {
 
@@ -26,6 +27,41 @@ std::uint8_t row_of(std::vector<PairParameters>& rows, const PairParameters& par
     throw SceneError({{"contact.pair", "more than 256 different pairs of materials meet; use fewer materials", false}});
   rows.push_back(parameters);
   return static_cast<std::uint8_t>(rows.size() - 1);
+}
+
+}  // namespace
+
+LawChoice law_choice(const Scene& scene) {
+  LawChoice choice;
+  choice.normal = scene.contact.normal;
+  choice.tangential = scene.contact.tangential;
+  choice.has_rotation = scene.contact.rotation;
+  choice.has_ledger = scene.output.energy;
+  choice.rolling = scene.contact.rolling;
+  choice.cohesion = scene.contact.cohesion;
+  return choice;
+}
+
+namespace {
+
+/// Those of the scene's law of cohesion; the others stay zero, so that they make no difference between pairs.
+void put_cohesion(CohesionLaw law, const PairLaw& from, PairParameters& p) {
+  switch (law) {
+    case CohesionLaw::none: break;
+    case CohesionLaw::jkr: p[Parameter::cohesion] = from.work_of_adhesion; break;
+    case CohesionLaw::sjkr: p[Parameter::cohesion] = from.cohesion_energy_density; break;
+    case CohesionLaw::linear:
+      p[Parameter::cohesion] = from.cohesion_force;
+      p[Parameter::cohesion_range] = from.cohesion_range;
+      break;
+    case CohesionLaw::liquid_bridge:
+      if (!(from.liquid_volume > 0.0)) break;  // no liquid, no bridge
+      p[Parameter::cohesion] = from.surface_tension * std::cos(from.contact_angle);
+      p[Parameter::liquid_volume] = from.liquid_volume;
+      // Lian, Thornton & Adams (1993)
+      p[Parameter::cohesion_range] = (1.0 + 0.5 * from.contact_angle) * std::cbrt(from.liquid_volume);
+      break;
+  }
 }
 
 }  // namespace
@@ -52,6 +88,12 @@ PairParameters pair_parameters(const Scene& scene, const std::string& a, const s
   p[Parameter::friction] = law->friction;
   p[Parameter::viscosity] = law->tangential_viscosity;
   p[Parameter::displacement] = law->tangential_displacement.value_or(0.0);
+  if (scene.contact.rolling != RollingLaw::none) p[Parameter::rolling_friction] = law->rolling_friction;
+  if (scene.contact.rolling == RollingLaw::spring) {
+    p[Parameter::rolling_stiffness] = law->rolling_stiffness.value_or(0.0);
+    p[Parameter::rolling_damping] = law->rolling_damping;
+  }
+  put_cohesion(scene.contact.cohesion, *law, p);
   return p;
 }
 
@@ -76,12 +118,26 @@ SceneLaws::SceneLaws(const Scene& scene)
         p[Parameter::friction] = 0.0;
         p[Parameter::viscosity] = 0.0;
       }
+      if (wall.frictionless) {
+        p[Parameter::rolling_friction] = 0.0;
+      }
       wall_species[i * scene.walls.size() + w] = row_of(wall_rows, p);
     }
   }
   for (std::size_t row = 0; row < pair_rows.size(); ++row) pairs.set(row, pair_rows[row]);
   for (std::size_t row = 0; row < wall_rows.size(); ++row) walls.set(row, wall_rows[row]);
   n_pair_species = static_cast<int>(pair_rows.size());
+  n_wall_species = static_cast<int>(wall_rows.size());
+}
+
+double SceneLaws::attraction_range(CohesionLaw law, double largest_radius) const {
+  double range = 0.0;  // it grows with the reduced radius: half the radius of two grains, the radius at a wall
+  for (int row = 0; row < n_pair_species; ++row)
+    range =
+        std::max(range, moraine::attraction_range(law, pairs.at(static_cast<std::size_t>(row)), 0.5 * largest_radius));
+  for (int row = 0; row < n_wall_species; ++row)
+    range = std::max(range, moraine::attraction_range(law, walls.at(static_cast<std::size_t>(row)), largest_radius));
+  return range;
 }
 
 }  // namespace moraine

@@ -19,6 +19,7 @@ void put_memory(const PairCarry& pairs, std::span<const WallCarry::Item> walls, 
   for (std::size_t k = begin; k < end; ++k) {
     parcel.put(pairs.items[k]);
     parcel.put(pairs.energy.empty() ? 0.0 : pairs.energy[k]);
+    if (!pairs.further.empty()) parcel.put(pairs.further[k]);
   }
   parcel.put(static_cast<std::uint32_t>(walls.size()));
   parcel.put_all(walls);
@@ -27,10 +28,13 @@ void put_memory(const PairCarry& pairs, std::span<const WallCarry::Item> walls, 
 /// Memory by place, written from the first place to the last.
 class MemoryWriter {
  public:
-  explicit MemoryWriter(bool has_energy) : has_energy_(has_energy) { pairs.begin.push_back(0); }
-  void add_pair(const PairCarry::Item& item, double energy) {
+  MemoryWriter(bool has_energy, bool has_further) : has_energy_(has_energy), has_further_(has_further) {
+    pairs.begin.push_back(0);
+  }
+  void add_pair(const PairCarry::Item& item, double energy, const FurtherMemory& further) {
     pairs.items.push_back(item);
     if (has_energy_) pairs.energy.push_back(energy);
+    if (has_further_) pairs.further.push_back(further);
   }
   void add_wall(WallCarry::Item item) {
     item.grain = static_cast<std::int32_t>(pairs.begin.size()) - 1;
@@ -41,7 +45,7 @@ class MemoryWriter {
   WallCarry walls;
 
  private:
-  bool has_energy_;
+  bool has_energy_, has_further_;
 };
 
 std::span<const WallCarry::Item> walls_of(const WallCarry& walls, std::int32_t i) {
@@ -65,7 +69,7 @@ std::vector<std::uint8_t> leaving_grains(const World& world, const Subdomains& s
 }
 
 std::size_t migrate(const World& world, const Subdomains& subdomains, std::span<const std::uint8_t> is_leaving,
-                    Particles& particles, PairCarry& pairs, WallCarry& walls, int n_threads) {
+                    bool has_further, Particles& particles, PairCarry& pairs, WallCarry& walls, int n_threads) {
   std::map<int, ParcelWriter> outgoing;
   std::vector<std::int32_t> stayers;
   stayers.reserve(at(particles.size()));
@@ -87,12 +91,13 @@ std::size_t migrate(const World& world, const Subdomains& subdomains, std::span<
   if (arrived.empty() && stayers.size() == at(particles.size())) return n_gone;
 
   const bool has_energy = particles.has(Field::dissipated);
-  MemoryWriter memory(has_energy);
+  MemoryWriter memory(has_energy, has_further);
   auto wall = walls.items.begin();
   for (const std::int32_t i : stayers) {
     if (!pairs.begin.empty())
       for (std::size_t k = pairs.begin[at(i)]; k < pairs.begin[at(i) + 1]; ++k)
-        memory.add_pair(pairs.items[k], pairs.energy.empty() ? 0.0 : pairs.energy[k]);
+        memory.add_pair(pairs.items[k], pairs.energy.empty() ? 0.0 : pairs.energy[k],
+                        pairs.further.empty() ? FurtherMemory{} : pairs.further[k]);
     while (wall != walls.items.end() && wall->grain < i) ++wall;
     for (; wall != walls.items.end() && wall->grain == i; ++wall) memory.add_wall(*wall);
     memory.end_grain();
@@ -104,10 +109,11 @@ std::size_t migrate(const World& world, const Subdomains& subdomains, std::span<
     for (const Parcel& parcel : arrived)
       for (ParcelReader reader(parcel.bytes); !reader.at_end();) place_of_next(reader);
   };
-  const auto read_memory = [](ParcelReader& reader, auto add_pair, auto add_wall) {
+  const auto read_memory = [&](ParcelReader& reader, auto add_pair, auto add_wall) {
     for (auto n = reader.get<std::uint32_t>(); n > 0; --n) {
       const auto item = reader.get<PairCarry::Item>();
-      add_pair(item, reader.get<double>());
+      const auto energy = reader.get<double>();
+      add_pair(item, energy, has_further ? reader.get<FurtherMemory>() : FurtherMemory{});
     }
     for (auto n = reader.get<std::uint32_t>(); n > 0; --n) add_wall(reader.get<WallCarry::Item>());
   };
@@ -115,7 +121,7 @@ std::size_t migrate(const World& world, const Subdomains& subdomains, std::span<
   read_all([&](ParcelReader& reader) {
     get_grain(reader, false, newcomers, 0);
     read_memory(
-        reader, [](const PairCarry::Item&, double) {}, [](const WallCarry::Item&) {});
+        reader, [](const PairCarry::Item&, double, const FurtherMemory&) {}, [](const WallCarry::Item&) {});
     ++n_new;
   });
   particles.reorder(stayers, n_threads, n_new);
@@ -123,7 +129,10 @@ std::size_t migrate(const World& world, const Subdomains& subdomains, std::span<
   read_all([&](ParcelReader& reader) {
     get_grain(reader, false, particles, place++);
     read_memory(
-        reader, [&](const PairCarry::Item& item, double energy) { memory.add_pair(item, energy); },
+        reader,
+        [&](const PairCarry::Item& item, double energy, const FurtherMemory& further) {
+          memory.add_pair(item, energy, further);
+        },
         [&](const WallCarry::Item& item) { memory.add_wall(item); });
     memory.end_grain();
   });

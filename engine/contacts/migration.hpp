@@ -14,7 +14,8 @@ std::vector<std::uint8_t> leaving_grains(const World& world, const Subdomains& s
 
 /// Hands the marked grains over. `pairs` and `walls` are by present places, before and after; pairs of marked grains must stand at both
 /// their grains. Grains that have left the scene are dropped. All ranks call it; returns the number of grains that this one gave away.
+/// `has_further`: pairs remember more than their springs, on every rank.
 std::size_t migrate(const World& world, const Subdomains& subdomains, std::span<const std::uint8_t> is_leaving,
-                    Particles& particles, PairCarry& pairs, WallCarry& walls, int n_threads);
+                    bool has_further, Particles& particles, PairCarry& pairs, WallCarry& walls, int n_threads);
 
 }  // namespace moraine

@@ -45,7 +45,9 @@ PairMemory PairCarry::find(End first, End second, std::uint8_t image) const {
     for (std::size_t k = begin[at(at_grain.was_at)]; k < begin[at(at_grain.was_at) + 1]; ++k) {
       const Item& item = items[k];
       if (item.other_and_image == wanted)
-        return {{item.displacement[0], item.displacement[1], item.displacement[2]}, energy.empty() ? 0.0 : energy[k]};
+        return {{item.displacement[0], item.displacement[1], item.displacement[2]},
+                energy.empty() ? 0.0 : energy[k],
+                further.empty() ? FurtherMemory{} : further[k]};
     }
   }
   return {};
@@ -56,9 +58,10 @@ void PairList::build(const Particles& particles, const Cells& cells, std::span<c
                      std::span<const std::int32_t> was_at, const PairCarry& carry, int n_threads) {
   const std::int32_t n = particles.size();
   const int n_active = std::max(1, std::min(n_threads, n / min_grains_per_thread));
+  range_ = needs.range;
   set_bands(skin);
   furthest_in_ring_ = cells.furthest_in_column();
-  search(particles, cells, ghosts, needs.has_images ? image_shift : std::span<const Vec3>{}, skin, n_active);
+  search(particles, cells, ghosts, needs.has_images ? image_shift : std::span<const Vec3>{}, skin + range_, n_active);
   cut(n, n_active);
   is_deferred_.assign(at(n), 0);
   cross_.assign(at(n_active), {});
@@ -190,13 +193,14 @@ void PairList::mark_deferred(int thread) {
 void PairList::set_bands(double skin) {
   // Touching pairs are in the first; where grains move little, the others are never looked at.
   constexpr std::array<double, n_bands> of_skin = {0.0, 0.125, 0.25, 0.5, 0.75};
-  for (std::size_t band = 0; band < n_bands; ++band) band_gap_[band] = of_skin[band] * skin;
+  for (std::size_t band = 1; band < n_bands; ++band) band_gap_[band] = range_ + of_skin[band] * skin;
 }
 
 std::int64_t PairList::far_begin(const Tile& tile, double travelled) const {
   const double closed = 2.0 * travelled * (1.0 + 1e-9);
   for (std::size_t band = 1; band < n_bands; ++band)
-    if (closed < band_gap_[band] * (1.0 - 1e-9)) return std::min(round_up(tile.band_begin[band - 1]), tile.kept_begin);
+    if (closed < band_gap_[band] * (1.0 - 1e-9) - range_)
+      return std::min(round_up(tile.band_begin[band - 1]), tile.kept_begin);
   return tile.kept_begin;
 }
 
@@ -218,8 +222,8 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
   mine.b.resize_discarding(capacity);
   mine.image.resize_discarding(needs.has_images ? capacity : 0);
   mine.species.resize_discarding(needs.has_species ? capacity : 0);
-  mine.memory_columns = needs.memory_columns;
-  mine.history.resize_discarding(at(needs.memory_columns) * capacity);
+  mine.columns = needs.memory;
+  mine.history.resize_discarding(at(needs.memory.count()) * capacity);
   mine.tiles.clear();
   mine.plain.clear();
   mine.deferred.clear();
@@ -236,7 +240,7 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
     if (needs.has_images) mine.image[p] = stored;
     if (needs.has_species)
       mine.species[p] = needs.species_table[particles.material(i) * needs.n_materials + particles.material(j)];
-    if (needs.memory_columns > 0)
+    if (needs.memory.has_history)
       mine.set_memory(k - 1, carry.find({was_at[at(i)], particles.gid(i)},
                                         {particles.is_owned(j) ? was_at[at(j)] : -1, particles.gid(j)}, stored));
   };
@@ -425,7 +429,7 @@ PairCarry PairList::carry(const Particles& particles, std::span<const std::uint8
   struct Second {
     std::int32_t grain;
     PairCarry::Item item;
-    double energy;
+    PairMemory memory;
   };
   std::vector<Second> seconds;
   const auto item_of = [&](std::int32_t other, std::uint8_t image, const PairMemory& m) {
@@ -437,7 +441,7 @@ PairCarry PairList::carry(const Particles& particles, std::span<const std::uint8
       const std::int32_t first = std::min(a, b), second = std::max(a, b);
       if (first == second || !memory->is_used() || !particles.is_owned(second)) return;
       if (is_leaving[at(first)] || is_leaving[at(second)])
-        seconds.push_back({second, item_of(first, image, *memory), memory->energy});
+        seconds.push_back({second, item_of(first, image, *memory), *memory});
     });
   each_thread(
       [&](std::int32_t a, std::int32_t b, std::uint8_t, const PairMemory&) { ++carry.begin[at(std::min(a, b)) + 1]; });
@@ -445,17 +449,18 @@ PairCarry PairList::carry(const Particles& particles, std::span<const std::uint8
   for (std::size_t i = 0; i < at(particles.size()); ++i) carry.begin[i + 1] += carry.begin[i];
   carry.items.resize(carry.begin.back());
   if (has_energy) carry.energy.resize(carry.begin.back());
+  const bool has_further = threads_[0].columns.has_further();
+  if (has_further) carry.further.resize(carry.begin.back());
+  const auto keep = [&](std::uint32_t k, const PairCarry::Item& item, const PairMemory& memory) {
+    carry.items[k] = item;
+    if (has_energy) carry.energy[k] = memory.energy;
+    if (has_further) carry.further[k] = memory.further;
+  };
   std::vector<std::uint32_t> next(carry.begin.begin(), carry.begin.end() - 1);
   each_thread([&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory& memory) {
-    const std::uint32_t k = next[at(std::min(a, b))]++;
-    carry.items[k] = item_of(std::max(a, b), image, memory);
-    if (has_energy) carry.energy[k] = memory.energy;
+    keep(next[at(std::min(a, b))]++, item_of(std::max(a, b), image, memory), memory);
   });
-  for (const Second& second : seconds) {
-    const std::uint32_t k = next[at(second.grain)]++;
-    carry.items[k] = second.item;
-    if (has_energy) carry.energy[k] = second.energy;
-  }
+  for (const Second& second : seconds) keep(next[at(second.grain)]++, second.item, second.memory);
   return carry;
 }
 

@@ -25,12 +25,22 @@
 
 namespace moraine {
 
+/// What a contact remembers for rolling resistance and cohesion.
+struct FurtherMemory {
+  double angle[3];  // [rad] rolled: of the grain of lower gid relative to the other
+  double bond;      // 1: a bond is made
+  bool is_used() const { return angle[0] != 0.0 || angle[1] != 0.0 || angle[2] != 0.0 || bond != 0.0; }
+};
+
 /// What a touching pair remembers from step to step.
 struct PairMemory {
   double displacement[3];  // [m] of the grain of lower gid relative to the other
   double energy;           // [J]
+  FurtherMemory further;
   /// False where there is nothing to remember.
-  bool is_used() const { return displacement[0] != 0.0 || displacement[1] != 0.0 || displacement[2] != 0.0; }
+  bool is_used() const {
+    return displacement[0] != 0.0 || displacement[1] != 0.0 || displacement[2] != 0.0 || further.is_used();
+  }
 };
 
 /// Pairs of a tile that go to the ring lie in bands by how far apart their grains were at the rebuild: of a band that is still too far
@@ -55,7 +65,7 @@ struct ThreadPairs {
   AlignedArray<std::uint8_t> image;     // only with periodic directions
   AlignedArray<std::uint8_t> species;   // only where not uniform
   AlignedArray<double> history;         // what pairs remember, by memory_at(); only for laws with history
-  int memory_columns = 0;               // doubles of each pair in it
+  MemoryColumns columns;                // of it
   AlignedArray<std::uint32_t> offsets;  // entries of each of the thread's grains
   AlignedArray<Entry> entries;
   AlignedArray<double> ring;
@@ -67,16 +77,24 @@ struct ThreadPairs {
 
   /// What pair k remembers; all zero for laws without history.
   PairMemory memory(std::int64_t k) const {
-    double values[4] = {0, 0, 0, 0};
-    for (int c = 0; history.size() > 0 && c < memory_columns; ++c)
-      values[c] = history[static_cast<std::size_t>(memory_at(k, c, memory_columns))];
-    return {{values[0], values[1], values[2]}, values[3]};
+    PairMemory m{};
+    if (history.size() > 0) each_column(m, [&](double& value, int c) { value = history[place(k, c)]; });
+    return m;
   }
   /// Only for laws with history.
   void set_memory(std::int64_t k, const PairMemory& m) {
-    const double values[4] = {m.displacement[0], m.displacement[1], m.displacement[2], m.energy};
-    for (int c = 0; c < memory_columns; ++c)
-      history[static_cast<std::size_t>(memory_at(k, c, memory_columns))] = values[c];
+    if (columns.has_history) each_column(m, [&](double value, int c) { history[place(k, c)] = value; });
+  }
+
+ private:
+  std::size_t place(std::int64_t k, int c) const { return static_cast<std::size_t>(memory_at(k, c, columns.count())); }
+  /// Calls f(value, column) for every column.
+  template <typename Memory, typename Function>
+  void each_column(Memory& m, Function f) const {
+    for (int c = 0; c < 3; ++c) f(m.displacement[c], c);
+    if (columns.has_energy) f(m.energy, 3);
+    for (int c = 0; columns.has_rolling && c < 3; ++c) f(m.further.angle[c], columns.rolling() + c);
+    if (columns.has_bond) f(m.further.bond, columns.bond());
   }
 };
 
@@ -90,7 +108,8 @@ struct PairCarry {
   static std::uint64_t key(std::uint64_t gid, std::uint8_t image) { return gid << 8 | image; }
   std::vector<std::uint32_t> begin;  // of each grain, and the end; empty where nothing is remembered
   std::vector<Item> items;
-  std::vector<double> energy;  // [J] of each item; only with the energy ledger
+  std::vector<double> energy;          // [J] of each item; only with the energy ledger
+  std::vector<FurtherMemory> further;  // of each item; only for laws that remember more
 
   /// One grain of a pair: its place before the rebuild (-1: a ghost) and its gid.
   struct End {
@@ -117,22 +136,23 @@ struct GhostEvent {
 
 /// What the list must provide for the scene's kernels.
 struct PairNeeds {
-  int memory_columns = 4;  // doubles that a pair remembers; 0: laws without history
+  MemoryColumns memory{true, true};  // what a pair remembers
   bool has_images = false;
   bool has_species = false;
   int slot_size = 8;                            // doubles
   const std::uint8_t* species_table = nullptr;  // by material, square
   int n_materials = 1;
+  double range = 0.0;  // [m] no pair has a force beyond this gap
 };
 
 class PairList {
  public:
-  /// Pairs of grains nearer than the sum of their radii plus skin. The grains must be sorted as in `cells`; `was_at` gives the
+  /// Pairs of grains nearer than the sum of their radii plus skin (and the range of their attraction). The grains must be sorted as in `cells`; `was_at` gives the
   /// place that each had before (to find its memory in `carry`).
   void build(const Particles& particles, const Cells& cells, std::span<const GhostCopy> ghosts,
              std::span<const Vec3> image_shift, double skin, const PairNeeds& needs,
              std::span<const std::int32_t> was_at, const PairCarry& carry, int n_threads);
-  /// The memory of all touching pairs, by present places. `is_leaving` marks the grains that go to other ranks (empty: none): pairs of
+  /// The memory of all pairs that have a force, by present places. `is_leaving` marks the grains that go to other ranks (empty: none): pairs of
   /// these stand at both grains.
   PairCarry carry(const Particles& particles, std::span<const std::uint8_t> is_leaving, bool has_energy,
                   int n_threads) const;
@@ -214,6 +234,7 @@ class PairList {
   std::array<double, n_bands> band_gap_{};  // [m] least gap between the grains of each band's pairs
   std::int32_t furthest_in_ring_ =
       0;  // places from the first to the second grain of a pair whose slot goes to the ring
+  double range_ = 0.0;                      // [m] as PairNeeds has it
   std::vector<RawChunk> raw_;
   std::int64_t n_last_ = 0;                    // pairs of the last list, to expect as many
   std::vector<std::vector<CrossPair>> cross_;  // by owning thread

@@ -17,6 +17,16 @@ constexpr double same_contact_cosine = 0.7;
 
 std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
 
+void turn(const Pose& pose, double (&v)[3]) {
+  const Vec3 turned = pose.turn({v[0], v[1], v[2]});
+  for (int axis = 0; axis < 3; ++axis) v[axis] = turned[axis];
+}
+
+void turn_back(const Pose& pose, double (&v)[3]) {
+  const Vec3 home = pose.turn_back({v[0], v[1], v[2]});
+  for (int axis = 0; axis < 3; ++axis) v[axis] = home[axis];
+}
+
 /// Walls that move are looked for further away, so that they may come nearer by half a skin before the next search, while grains use up
 /// theirs.
 double reach_of(const Walls& walls, double skin) { return walls.is_any_moving() ? 1.5 * skin : skin; }
@@ -28,8 +38,27 @@ std::int64_t capacity_of(const WallCandidate& c) {
 
 }  // namespace
 
-WallContacts::WallContacts(const Walls& walls, const Domain& domain, bool has_history, int slot_size)
-    : walls_(&walls), domain_(domain), has_history_(has_history), slot_size_(slot_size) {}
+PairMemory WallContacts::Memory::at(std::size_t slot) const {
+  const Place& place = places[slot];
+  return {{place.displacement[0], place.displacement[1], place.displacement[2]},
+          place.energy,
+          further.empty() ? FurtherMemory{} : further[slot]};
+}
+
+void WallContacts::Memory::set(std::size_t slot, const WallMemory& memory) {
+  const PairMemory& m = memory.memory;
+  places[slot] = {{m.displacement[0], m.displacement[1], m.displacement[2]}, m.energy, memory.normal};
+  if (!further.empty()) further[slot] = m.further;
+}
+
+WallContacts::WallContacts(const Walls& walls, const Domain& domain, const MemoryColumns& columns, bool has_further,
+                           int slot_size, double reach)
+    : walls_(&walls),
+      domain_(domain),
+      columns_(columns),
+      has_further_(has_further),
+      slot_size_(slot_size),
+      reach_(reach) {}
 
 /// A grain that crosses a periodic face before the next rebuild comes to the walls on the other side: what it may touch there is
 /// added to its candidates.
@@ -60,7 +89,7 @@ void WallContacts::find_across_faces(const Particles& particles, std::int32_t be
   }
   if (grains.empty()) return;
   WallCandidates beyond;
-  walls_->find_candidates(seen.data(), 4, 0, static_cast<std::int32_t>(grains.size()), skin, time, beyond);
+  walls_->find_candidates(seen.data(), 4, 0, static_cast<std::int32_t>(grains.size()), skin + reach_, time, beyond);
   if (beyond.list.empty()) return;
   // Triangles that a grain may touch on this side and beyond become one list.
   for (WallCandidate& candidate : beyond.list) {
@@ -104,10 +133,10 @@ void WallContacts::build(const Particles& particles, const PairList& pairs, doub
     const ThreadPairs& mine = threads[index(thread)];
     Share& share = shares_[index(thread)];
     WallCandidates found;
-    const double reach = reach_of(*walls_, skin);
-    walls_->find_candidates(particles.records(), particles.stride(), mine.grain_begin, mine.grain_end, reach, time,
-                            found);
-    find_across_faces(particles, mine.grain_begin, mine.grain_end, reach, time, found);
+    const double wide = reach_of(*walls_, skin);
+    walls_->find_candidates(particles.records(), particles.stride(), mine.grain_begin, mine.grain_end, wide + reach_,
+                            time, found);
+    find_across_faces(particles, mine.grain_begin, mine.grain_end, wide, time, found);
     share.list.clear();
     share.tile_begin.clear();
     std::vector<WallCandidate> deferred;
@@ -126,7 +155,8 @@ void WallContacts::build(const Particles& particles, const PairList& pairs, doub
     share.triangles = std::move(found.triangles);
     share.slot_begin.assign(1, 0);
     for (const WallCandidate& c : share.list) share.slot_begin.push_back(share.slot_begin.back() + capacity_of(c));
-    share.memory.assign(at(share.slot_begin.back()), WallMemory{});
+    share.memory.places.assign(at(share.slot_begin.back()), {});
+    share.memory.further.assign(columns_.has_further() ? at(share.slot_begin.back()) : 0, {});
     for (std::size_t c = 0; c < share.list.size() && !carry.items.empty(); ++c) {
       const std::int32_t was = was_at[at(share.list[c].grain)];
       auto item = std::lower_bound(carry.items.begin(), carry.items.end(), was,
@@ -134,7 +164,7 @@ void WallContacts::build(const Particles& particles, const PairList& pairs, doub
       std::int64_t slot = share.slot_begin[c];
       for (; item != carry.items.end() && item->grain == was; ++item)
         if (item->surface == share.list[c].surface && slot < share.slot_begin[c + 1])
-          share.memory[at(slot++)] = item->memory;
+          share.memory.set(at(slot++), item->memory);
     }
     make_room(share);
   });
@@ -157,7 +187,7 @@ void WallContacts::make_room(Share& share) const {
   share.grain.resize_discarding(room);
   share.columns.resize_discarding(8 * room);
   share.species.resize_discarding(room);
-  share.history.resize_discarding(4 * room);
+  share.history.resize_discarding(memory_doubles() * room);
   share.slots.resize_discarding(at(slot_size_) * room);
   double* const c = share.columns.data();
   share.view = {share.grain.data(),
@@ -178,7 +208,7 @@ int WallContacts::touch_one(const Particles& particles, const Share& share, cons
                             Touch* touches) const {
   const Surface& surface = walls_->surfaces()[at(candidate.surface)];
   const Vec3 centre = particles.position(candidate.grain);
-  const double radius = particles.radius(candidate.grain);
+  const double radius = particles.radius(candidate.grain) + reach_;
   if (surface.kind != SurfaceKind::mesh) return touch_analytic(surface, centre, radius, touches[0]) ? 1 : 0;
   const std::span<const std::int32_t> triangles(share.triangles.data() + candidate.triangles,
                                                 at(candidate.n_triangles));
@@ -195,27 +225,25 @@ Vec3 WallContacts::wall_velocity(std::int32_t surface, Vec3 centre, const Touch&
   return walls_->velocity(surface).at(centre - touch.distance * touch.normal);
 }
 
-/// What a touch remembers, in the scene's frame; nothing where there is no memory.
-PairMemory WallContacts::in_scene(std::int32_t surface, const WallMemory* memory) const {
-  if (!memory) return {};
-  PairMemory m = memory->memory;
+/// What a touch remembers, in the scene's frame.
+PairMemory WallContacts::in_scene(std::int32_t surface, PairMemory memory) const {
   const Pose& pose = pose_of(surface);
-  if (!pose.is_turned) return m;
-  const Vec3 turned = pose.turn({m.displacement[0], m.displacement[1], m.displacement[2]});
-  for (int axis = 0; axis < 3; ++axis) m.displacement[axis] = turned[axis];
-  return m;
+  if (!pose.is_turned) return memory;
+  turn(pose, memory.displacement);
+  turn(pose, memory.further.angle);
+  return memory;
 }
 
-const WallMemory* WallContacts::match(const Share& share, std::int64_t candidate, const Touch& touch,
-                                      unsigned& taken) const {
-  if (!has_history_) return nullptr;
+std::int64_t WallContacts::match(const Share& share, std::int64_t candidate, const Touch& touch,
+                                 unsigned& taken) const {
+  if (!columns_.has_history) return -1;
   const std::int64_t begin = share.slot_begin[at(candidate)], end = share.slot_begin[at(candidate) + 1];
   const bool is_mesh = share.list[at(candidate)].n_triangles != 0;
   const Vec3 normal = pose_of(share.list[at(candidate)].surface).turn_back(touch.normal);
   double best = is_mesh ? same_contact_cosine : -2.0;
   std::int64_t found = -1;
   for (std::int64_t slot = begin; slot < end; ++slot) {
-    const WallMemory& memory = share.memory[at(slot)];
+    const Memory::Place& memory = share.memory.places[at(slot)];
     if (!memory.is_used() || (taken >> (slot - begin) & 1u)) continue;
     const double cosine = dot(memory.normal, normal);
     if (cosine > best) {
@@ -223,9 +251,8 @@ const WallMemory* WallContacts::match(const Share& share, std::int64_t candidate
       found = slot;
     }
   }
-  if (found < 0) return nullptr;
-  taken |= 1u << (found - begin);
-  return &share.memory[at(found)];
+  if (found >= 0) taken |= 1u << (found - begin);
+  return found;
 }
 
 /// What the springs of touches hold [J] that no touch of this step goes on with.
@@ -233,7 +260,7 @@ double WallContacts::energy_of_ended(const Share& share, std::int64_t candidate,
   double energy = 0.0;
   const std::int64_t begin = share.slot_begin[at(candidate)], end = share.slot_begin[at(candidate) + 1];
   for (std::int64_t slot = begin; slot < end; ++slot)
-    if (!(taken >> (slot - begin) & 1u)) energy += share.memory[at(slot)].memory.energy;
+    if (!(taken >> (slot - begin) & 1u)) energy += share.memory.places[at(slot)].energy;
   return energy;
 }
 
@@ -262,10 +289,14 @@ std::int64_t WallContacts::touch(const Particles& particles, int thread, Range c
           wall_velocity(candidate.surface, particles.position(candidate.grain), touches[t]),
           surface.kind == SurfaceKind::mirror ? 2.0 : 1.0);
       share.species[n] = species[particles.material(candidate.grain) * n_walls + surface.wall];
-      const PairMemory value = in_scene(candidate.surface, match(share, c, touches[t], taken));
-      std::memcpy(share.history.data() + 4 * n, &value, sizeof(value));
+      const std::int64_t place = match(share, c, touches[t], taken);
+      double* const history = share.history.data() + memory_doubles() * n;
+      const PairMemory value =
+          place < 0 ? PairMemory{} : in_scene(candidate.surface, share.memory.at(at(place)));
+      std::memcpy(history, &value, 4 * sizeof(double));
+      if (has_further_) std::memcpy(history + 4, &value.further, sizeof(value.further));
     }
-    if (dissipated && has_history_)
+    if (dissipated && columns_.has_history)
       dissipated[4 * std::ptrdiff_t{candidate.grain} + 2] += energy_of_ended(share, c, taken);
   }
   share.touch_begin[at(candidates.size())] = static_cast<std::int64_t>(n);
@@ -274,13 +305,13 @@ std::int64_t WallContacts::touch(const Particles& particles, int thread, Range c
   for (; n % at(pair_group) != 0; ++n) {
     put(particles.dummy(), nowhere, {}, 1.0);
     share.species[n] = 0;
-    std::fill_n(share.history.data() + 4 * n, 4, 0.0);
+    std::fill_n(share.history.data() + memory_doubles() * n, memory_doubles(), 0.0);
   }
   return n_found;
 }
 
 void WallContacts::remember(int thread, Range candidates) {
-  if (!has_history_) return;
+  if (!columns_.has_history) return;
   Share& share = shares_[index(thread)];
   const std::size_t room = share.columns.size() / 8;
   for (std::int64_t c = candidates.begin; c < candidates.end; ++c) {
@@ -289,17 +320,22 @@ void WallContacts::remember(int thread, Range candidates) {
     for (std::int64_t t = share.touch_begin[at(c - candidates.begin)];
          t < share.touch_begin[at(c - candidates.begin) + 1]; ++t) {
       if (slot == share.slot_begin[at(c) + 1]) break;
-      WallMemory& memory = share.memory[at(slot++)];
-      std::memcpy(&memory.memory, share.history.data() + 4 * t, sizeof(PairMemory));
+      const double* const history = share.history.data() + memory_doubles() * at(t);
+      if (has_further_ && std::all_of(history, history + memory_doubles(), [](double x) { return x == 0.0; }))
+        continue;  // near, but without a force
+      Memory::Place& place = share.memory.places[at(slot)];
+      std::memcpy(&place, history, 4 * sizeof(double));
       const double* const normal = share.columns.data() + t;
-      memory.normal = {normal[0], normal[room], normal[2 * room]};
-      if (!pose.is_turned) continue;
-      double* const d = memory.memory.displacement;
-      const Vec3 home = pose.turn_back({d[0], d[1], d[2]});
-      for (int axis = 0; axis < 3; ++axis) d[axis] = home[axis];
-      memory.normal = pose.turn_back(memory.normal);
+      place.normal = {normal[0], normal[room], normal[2 * room]};
+      if (columns_.has_further()) std::memcpy(&share.memory.further[at(slot)], history + 4, sizeof(FurtherMemory));
+      if (pose.is_turned) {
+        turn_back(pose, place.displacement);
+        if (columns_.has_further()) turn_back(pose, share.memory.further[at(slot)].angle);
+        place.normal = pose.turn_back(place.normal);
+      }
+      ++slot;
     }
-    for (; slot < share.slot_begin[at(c) + 1]; ++slot) share.memory[at(slot)] = WallMemory{};
+    for (; slot < share.slot_begin[at(c) + 1]; ++slot) share.memory.clear(at(slot));
   }
 }
 
@@ -328,37 +364,39 @@ void WallContacts::measure(const Particles& particles, int thread, Range candida
 }
 
 void WallContacts::clear_memory(std::int32_t i, ExactSum& energy) {
-  if (!has_history_) return;
+  if (!columns_.has_history) return;
   for (Share& share : shares_)
     for (std::size_t c = 0; c < share.list.size(); ++c) {
       if (share.list[c].grain != i) continue;
       for (std::int64_t slot = share.slot_begin[c]; slot < share.slot_begin[c + 1]; ++slot) {
-        energy.add(share.memory[at(slot)].memory.energy);
-        share.memory[at(slot)] = WallMemory{};
+        energy.add(share.memory.places[at(slot)].energy);
+        share.memory.clear(at(slot));
       }
     }
 }
 
 WallCarry WallContacts::carry() const {
   WallCarry carry;
-  if (!has_history_) return carry;
+  if (!columns_.has_history) return carry;
   for (const Share& share : shares_)
     for (std::size_t c = 0; c < share.list.size(); ++c)
       for (std::int64_t slot = share.slot_begin[c]; slot < share.slot_begin[c + 1]; ++slot)
-        if (share.memory[at(slot)].is_used())
-          carry.items.push_back({share.list[c].grain, share.list[c].surface, share.memory[at(slot)]});
+        if (share.memory.places[at(slot)].is_used())
+          carry.items.push_back({share.list[c].grain,
+                                 share.list[c].surface,
+                                 {share.memory.at(at(slot)), share.memory.places[at(slot)].normal}});
   std::stable_sort(carry.items.begin(), carry.items.end(),
                    [](const auto& x, const auto& y) { return x.grain < y.grain; });
   return carry;
 }
 
-std::vector<std::vector<WallMemory>> WallContacts::save() const {
-  std::vector<std::vector<WallMemory>> saved;
+std::vector<WallContacts::Memory> WallContacts::save() const {
+  std::vector<Memory> saved;
   for (const Share& share : shares_) saved.push_back(share.memory);
   return saved;
 }
 
-void WallContacts::put_back(const std::vector<std::vector<WallMemory>>& saved) {
+void WallContacts::put_back(const std::vector<Memory>& saved) {
   for (std::size_t t = 0; t < shares_.size(); ++t) shares_[t].memory = saved[t];
 }
 
@@ -366,8 +404,8 @@ std::size_t WallContacts::memory() const {
   std::size_t bytes = 0;
   for (const Share& s : shares_)
     bytes += s.list.capacity() * sizeof(WallCandidate) + s.triangles.capacity() * 4 + s.slot_begin.capacity() * 8 +
-             s.memory.capacity() * sizeof(WallMemory) + s.columns.capacity_bytes() + s.slots.capacity_bytes() +
-             s.history.capacity_bytes();
+             s.memory.places.capacity() * sizeof(Memory::Place) + s.memory.further.capacity() * sizeof(FurtherMemory) +
+             s.columns.capacity_bytes() + s.slots.capacity_bytes() + s.history.capacity_bytes();
   return bytes;
 }
 

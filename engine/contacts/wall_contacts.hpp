@@ -16,11 +16,10 @@
 
 namespace moraine {
 
-/// What one wall contact remembers, in the frame of the wall, so that it turns with it; a slot that is not in use has a zero normal.
+/// What one wall contact remembers, in the frame of the wall, so that it turns with it.
 struct WallMemory {
   PairMemory memory;
   Vec3 normal;
-  bool is_used() const { return normal.x != 0.0 || normal.y != 0.0 || normal.z != 0.0; }
 };
 
 /// Memory across a rebuild, in order of the grain's place before it.
@@ -50,7 +49,9 @@ struct WallSums {
 
 class WallContacts {
  public:
-  WallContacts(const Walls& walls, const Domain& domain, bool has_history, int slot_size);
+  /// `reach` [m]: how far beyond contact there may be a force.
+  WallContacts(const Walls& walls, const Domain& domain, const MemoryColumns& columns, bool has_further, int slot_size,
+               double reach);
 
   /// Finds the candidates of all grains, in the shares and tiles of the pair list. `species`: row of the wall law table by
   /// (material, wall).
@@ -62,8 +63,22 @@ class WallContacts {
   /// Gives all back. Only build() may follow.
   void release() { std::vector<Share>().swap(shares_); }
   /// All memory as it is, and back again, with no rebuild between.
-  std::vector<std::vector<WallMemory>> save() const;
-  void put_back(const std::vector<std::vector<WallMemory>>& saved);
+  struct Memory {
+    /// A place that is not in use has a zero normal.
+    struct Place {
+      double displacement[3] = {0, 0, 0};  // as in PairMemory
+      double energy = 0.0;
+      Vec3 normal;
+      bool is_used() const { return normal.x != 0.0 || normal.y != 0.0 || normal.z != 0.0; }
+    };
+    std::vector<Place> places;
+    std::vector<FurtherMemory> further;  // of each place; only for laws that remember more
+    PairMemory at(std::size_t slot) const;
+    void set(std::size_t slot, const WallMemory& memory);
+    void clear(std::size_t slot) { set(slot, WallMemory{}); }
+  };
+  std::vector<Memory> save() const;
+  void put_back(const std::vector<Memory>& saved);
 
   /// The candidates of one tile's plain grains, or of a thread's deferred grains.
   Range tile(int thread, std::size_t tile) const {
@@ -101,7 +116,7 @@ class WallContacts {
     std::vector<std::int32_t> triangles;
     std::vector<std::int64_t> tile_begin;  // in list, of each tile, and where the deferred begin
     std::vector<std::int64_t> slot_begin;  // in memory, of each candidate, and the end
-    std::vector<WallMemory> memory;
+    Memory memory;
     std::vector<std::int64_t> touch_begin;  // of each candidate of the range last touched, and the end
     // touches of the range
     AlignedArray<std::int32_t> grain;
@@ -111,21 +126,25 @@ class WallContacts {
     AlignedArray<double> slots;
     WallTouches view;
   };
+  std::size_t memory_doubles() const { return static_cast<std::size_t>(wall_memory_size(has_further_)); }
   static std::size_t index(int thread) { return static_cast<std::size_t>(thread); }
   void find_across_faces(const Particles& particles, std::int32_t begin, std::int32_t end, double skin, double time,
                          WallCandidates& found) const;
   int touch_one(const Particles& particles, const Share& share, const WallCandidate& candidate, Touch* touches) const;
   Vec3 wall_velocity(std::int32_t surface, Vec3 centre, const Touch& touch) const;
   const Pose& pose_of(std::int32_t surface) const { return walls_->pose(surface); }
-  PairMemory in_scene(std::int32_t surface, const WallMemory* memory) const;
+  PairMemory in_scene(std::int32_t surface, PairMemory memory) const;
   void make_room(Share& share) const;
-  const WallMemory* match(const Share& share, std::int64_t candidate, const Touch& touch, unsigned& taken) const;
+  /// The place of the memory that a touch goes on with, or -1.
+  std::int64_t match(const Share& share, std::int64_t candidate, const Touch& touch, unsigned& taken) const;
   double energy_of_ended(const Share& share, std::int64_t candidate, unsigned taken) const;
 
   const Walls* walls_;
   Domain domain_;
-  bool has_history_;
+  MemoryColumns columns_;
+  bool has_further_;  // the sweep has further laws
   int slot_size_;
+  double reach_;
   std::vector<Share> shares_;
 };
 
@@ -138,10 +157,11 @@ void WallContacts::for_each(const Particles& particles, Function f) const {
       const int n = touch_one(particles, share, candidate, touches);
       unsigned taken = 0;
       for (int t = 0; t < n; ++t) {
-        const WallMemory* memory = match(share, static_cast<std::int64_t>(c), touches[t], taken);
+        const std::int64_t place = match(share, static_cast<std::int64_t>(c), touches[t], taken);
         f(WallContact{candidate.grain, candidate.surface, touches[t],
                       wall_velocity(candidate.surface, particles.position(candidate.grain), touches[t]),
-                      in_scene(candidate.surface, memory)});
+                      place < 0 ? PairMemory{}
+                                : in_scene(candidate.surface, share.memory.at(static_cast<std::size_t>(place)))});
       }
     }
 }

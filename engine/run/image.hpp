@@ -42,6 +42,14 @@ struct PairHistory {
   bool operator==(const PairHistory&) const = default;
 };
 
+/// What rolling resistance and cohesion remember of one pair; its other memory is in PairHistory.
+struct FurtherHistory {
+  std::uint64_t gid_low = 0, gid_high = 0, image = 0;  // as in PairHistory
+  double angle[3] = {0, 0, 0};                         // [rad] rolled, of gid_low relative to gid_high
+  double bond = 0.0;                                   // 1: a bond is made
+  bool operator==(const FurtherHistory&) const = default;
+};
+
 /// Tangential displacement of one contact of a grain with a wall.
 struct WallHistory {
   std::uint64_t gid = 0;
@@ -49,6 +57,8 @@ struct WallHistory {
   double normal[3] = {0, 0, 0};        // of the contact in the last step: tells contacts with one mesh apart
   double displacement[3] = {0, 0, 0};  // [m]
   double energy = 0.0;                 // [J] as above
+  double angle[3] = {0, 0, 0};         // [rad] rolled
+  double bond = 0.0;                   // 1: a bond is made
   bool operator==(const WallHistory&) const = default;
 };
 
@@ -72,9 +82,10 @@ struct Image {
   std::array<bool, 3> periodic{};
   std::uint64_t n_grains = 0;  // of all ranks
   std::vector<FieldArray> fields;
-  std::vector<PairHistory> pairs;  // in order of (gid_low, gid_high, image); empty in snapshots
-  std::vector<WallHistory> walls;  // in order of (gid, surface, normal); empty in snapshots
-  std::vector<GridArray> grids;    // of the gas; empty without
+  std::vector<PairHistory> pairs;       // in order of (gid_low, gid_high, image); empty in snapshots
+  std::vector<FurtherHistory> further;  // in the same order; of pairs that have any of it
+  std::vector<WallHistory> walls;       // in order of (gid, surface, normal); empty in snapshots
+  std::vector<GridArray> grids;         // of the gas; empty without
   // named state of observers and counters; doubles carry it exactly; the same on all ranks
   std::map<std::string, std::vector<double>> accumulators;
   Hash128 hash;

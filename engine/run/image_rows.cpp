@@ -12,10 +12,14 @@ namespace {
 
 std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
 
+/// Order of what pairs remember; for PairHistory and FurtherHistory, also of one with the other.
+constexpr auto comes_before = [](const auto& x, const auto& y) {
+  return std::tie(x.gid_low, x.gid_high, x.image) < std::tie(y.gid_low, y.gid_high, y.image);
+};
+
 void sort_memory(Image& image) {
-  std::sort(image.pairs.begin(), image.pairs.end(), [](const PairHistory& x, const PairHistory& y) {
-    return std::tuple(x.gid_low, x.gid_high, x.image) < std::tuple(y.gid_low, y.gid_high, y.image);
-  });
+  std::sort(image.pairs.begin(), image.pairs.end(), comes_before);
+  std::sort(image.further.begin(), image.further.end(), comes_before);
   std::sort(image.walls.begin(), image.walls.end(), [](const WallHistory& x, const WallHistory& y) {
     return std::tuple(x.gid, x.surface, x.normal[0], x.normal[1], x.normal[2]) <
            std::tuple(y.gid, y.surface, y.normal[0], y.normal[1], y.normal[2]);
@@ -115,10 +119,16 @@ class RowsByGid {
       {{"", "the checkpoint remembers a contact of grain " + std::to_string(gid) + ", which it does not hold", false}});
 }
 
-/// `place_of`: of a gid; -1 where the grain is not here.
+FurtherMemory find(const std::vector<FurtherHistory>& further, const PairHistory& pair) {
+  const auto found = std::lower_bound(further.begin(), further.end(), pair, comes_before);
+  if (found == further.end() || comes_before(pair, *found)) return {};
+  return {{found->angle[0], found->angle[1], found->angle[2]}, found->bond};
+}
+
+/// `place_of`: of a gid; -1 where the grain is not here. `further` in order.
 template <typename PlaceOf>
-PairCarry carry_of(const std::vector<PairHistory>& pairs, PlaceOf place_of, std::size_t n, bool is_alone,
-                   bool has_energy) {
+PairCarry carry_of(const std::vector<PairHistory>& pairs, const std::vector<FurtherHistory>& further, PlaceOf place_of,
+                   std::size_t n, bool is_alone, bool has_energy) {
   PairCarry carry;
   carry.begin.assign(n + 1, 0);
   // Alone, a pair stands at the grain of lower gid; else at each of its grains that is here.
@@ -137,11 +147,13 @@ PairCarry carry_of(const std::vector<PairHistory>& pairs, PlaceOf place_of, std:
   std::partial_sum(carry.begin.begin(), carry.begin.end(), carry.begin.begin());
   carry.items.resize(carry.begin.back());
   if (has_energy) carry.energy.resize(carry.begin.back());
+  if (!further.empty()) carry.further.resize(carry.begin.back());
   std::vector<std::uint32_t> next(carry.begin.begin(), carry.begin.end() - 1);
   each_end([&](std::int32_t place, std::uint64_t key, const PairHistory& pair) {
     const std::uint32_t k = next[at(place)]++;
     carry.items[k] = {{pair.displacement[0], pair.displacement[1], pair.displacement[2]}, key};
     if (has_energy) carry.energy[k] = pair.energy;
+    if (!further.empty()) carry.further[k] = find(further, pair);
   });
   return carry;
 }
@@ -155,6 +167,7 @@ WallCarry carry_of(const std::vector<WallHistory>& walls, const RowsByGid& rows)
     item.surface = static_cast<std::int32_t>(wall.surface);
     std::copy_n(wall.displacement, 3, item.memory.memory.displacement);
     item.memory.memory.energy = wall.energy;
+    item.memory.memory.further = {{wall.angle[0], wall.angle[1], wall.angle[2]}, wall.bond};
     item.memory.normal = {wall.normal[0], wall.normal[1], wall.normal[2]};
     carry.items.push_back(item);
   }
@@ -176,14 +189,19 @@ std::vector<std::int32_t> order_by_gid(const Particles& particles) {
 
 /// What the contacts of this rank's rows remember, wherever it was given. Each pair comes to the ranks of both its grains.
 void bring_memory(const World& world, const RowsByGid& rows, std::vector<PairHistory>& pairs,
-                  std::vector<WallHistory>& walls) {
+                  std::vector<FurtherHistory>& further, std::vector<WallHistory>& walls) {
   std::vector<std::vector<PairHistory>> pairs_to(at(world.size()));
+  std::vector<std::vector<FurtherHistory>> further_to(at(world.size()));
   std::vector<std::vector<WallHistory>> walls_to(at(world.size()));
-  for (const PairHistory& pair : pairs) {
-    const int low = rows.rank(pair.gid_low), high = rows.rank(pair.gid_high);
-    pairs_to[at(low)].push_back(pair);
-    if (high != low) pairs_to[at(high)].push_back(pair);
-  }
+  const auto to_both = [&](const auto& entries, auto& entries_to) {
+    for (const auto& pair : entries) {
+      const int low = rows.rank(pair.gid_low), high = rows.rank(pair.gid_high);
+      entries_to[at(low)].push_back(pair);
+      if (high != low) entries_to[at(high)].push_back(pair);
+    }
+  };
+  to_both(pairs, pairs_to);
+  to_both(further, further_to);
   for (const WallHistory& wall : walls) walls_to[at(rows.rank(wall.gid))].push_back(wall);
   RowParcels parcels(world.size());
   for (int rank = 0; rank < world.size(); ++rank) {
@@ -191,16 +209,21 @@ void bring_memory(const World& world, const RowsByGid& rows, std::vector<PairHis
     ParcelWriter& parcel = parcels[rank];
     parcel.put(pairs_to[at(rank)].size());
     parcel.put_all(std::span<const PairHistory>(pairs_to[at(rank)]));
+    parcel.put(further_to[at(rank)].size());
+    parcel.put_all(std::span<const FurtherHistory>(further_to[at(rank)]));
     parcel.put(walls_to[at(rank)].size());
     parcel.put_all(std::span<const WallHistory>(walls_to[at(rank)]));
   }
   pairs.clear();
+  further.clear();
   walls.clear();
   for (const Parcel& parcel : world.exchange(parcels.take())) {
     ParcelReader reader(parcel.bytes);
     append(pairs, reader, reader.get<std::size_t>());
+    append(further, reader, reader.get<std::size_t>());
     append(walls, reader, reader.get<std::size_t>());
   }
+  std::sort(further.begin(), further.end(), comes_before);
 }
 
 }  // namespace
@@ -234,6 +257,9 @@ void gather_memory(const Particles& particles, const Contacts& contacts, Image& 
                            code,
                            {m.displacement[0], m.displacement[1], m.displacement[2]},
                            m.energy});
+    const FurtherMemory& f = m.further;
+    if (f.is_used())
+      image.further.push_back({particles.gid(a), particles.gid(b), code, {f.angle[0], f.angle[1], f.angle[2]}, f.bond});
   });
   for (const WallCarry::Item& item : contacts.wall_carry().items) {
     const PairMemory& m = item.memory.memory;
@@ -242,19 +268,21 @@ void gather_memory(const Particles& particles, const Contacts& contacts, Image& 
                            static_cast<std::uint64_t>(item.surface),
                            {n.x, n.y, n.z},
                            {m.displacement[0], m.displacement[1], m.displacement[2]},
-                           m.energy});
+                           m.energy,
+                           {m.further.angle[0], m.further.angle[1], m.further.angle[2]},
+                           m.further.bond});
   }
   sort_memory(image);
 }
 
-PairCarry carry_by_place(const Particles& particles, const std::vector<PairHistory>& pairs) {
+PairCarry carry_by_place(const Particles& particles, const Image& image) {
   const std::vector<std::int32_t> order = order_by_gid(particles);
   const auto place_of = [&](std::uint64_t gid) {
     const auto found = std::lower_bound(order.begin(), order.end(), gid,
                                         [&](std::int32_t i, std::uint64_t g) { return particles.gid(i) < g; });
     return found == order.end() || particles.gid(*found) != gid ? -1 : *found;
   };
-  return carry_of(pairs, place_of, at(particles.size()), true, particles.has(Field::dissipated));
+  return carry_of(image.pairs, image.further, place_of, at(particles.size()), true, particles.has(Field::dissipated));
 }
 
 void share_out_rows(const World& world, std::uint64_t n_gids, Image& image) {
@@ -264,8 +292,8 @@ void share_out_rows(const World& world, std::uint64_t n_gids, Image& image) {
     const std::uint64_t a_rank = n_gids / n_ranks + 1;
     const auto target = [&](std::uint64_t gid) { return static_cast<int>(std::min(gid / a_rank, n_ranks - 1)); };
     RowParcels parcels(world.size());
-    // Three sections, each headed by its number of rows: so all ranks that get any get all.
-    std::vector<std::array<std::pair<std::size_t, std::size_t>, 3>> runs(n_ranks);
+    // Four sections, each headed by its number of rows: so all ranks that get any get all.
+    std::vector<std::array<std::pair<std::size_t, std::size_t>, 4>> runs(n_ranks);
     const auto note = [&](std::size_t section) {
       return [&runs, section](int rank, std::size_t begin, std::size_t end) { runs[at(rank)][section] = {begin, end}; };
     };
@@ -274,11 +302,13 @@ void share_out_rows(const World& world, std::uint64_t n_gids, Image& image) {
         image.pairs, [&](const PairHistory& pair) { return target(pair.gid_low); }, note(1));
     each_target(
         image.walls, [&](const WallHistory& wall) { return target(wall.gid); }, note(2));
+    each_target(
+        image.further, [&](const FurtherHistory& pair) { return target(pair.gid_low); }, note(3));
     for (int rank = 0; rank < world.size(); ++rank) {
       const auto size = [&](std::size_t section) {
         return runs[at(rank)][section].second - runs[at(rank)][section].first;
       };
-      if (size(0) + size(1) + size(2) == 0) continue;
+      if (size(0) + size(1) + size(2) + size(3) == 0) continue;
       ParcelWriter& parcel = parcels[rank];
       parcel.put(size(0));
       for (const FieldArray& array : image.fields)
@@ -289,10 +319,13 @@ void share_out_rows(const World& world, std::uint64_t n_gids, Image& image) {
       parcel.put_all(std::span<const PairHistory>(image.pairs).subspan(runs[at(rank)][1].first, size(1)));
       parcel.put(size(2));
       parcel.put_all(std::span<const WallHistory>(image.walls).subspan(runs[at(rank)][2].first, size(2)));
+      parcel.put(size(3));
+      parcel.put_all(std::span<const FurtherHistory>(image.further).subspan(runs[at(rank)][3].first, size(3)));
     }
     for (FieldArray& array : image.fields) with_values(array, [](auto& values, std::size_t) { values.clear(); });
     image.pairs.clear();
     image.walls.clear();
+    image.further.clear();
     for (const Parcel& parcel : world.exchange(parcels.take())) {
       ParcelReader reader(parcel.bytes);
       const auto n = reader.get<std::size_t>();
@@ -300,6 +333,7 @@ void share_out_rows(const World& world, std::uint64_t n_gids, Image& image) {
         with_values(array, [&](auto& values, std::size_t width) { append(values, reader, n * width); });
       append(image.pairs, reader, reader.get<std::size_t>());
       append(image.walls, reader, reader.get<std::size_t>());
+      append(image.further, reader, reader.get<std::size_t>());
     }
     const std::vector<std::uint64_t>& gids = gids_of(image);
     std::vector<std::size_t> order(gids.size());
@@ -336,14 +370,15 @@ void put_rows(const World& world, const Image& image, Particles& particles, Pair
   const bool has_energy = particles.has(Field::dissipated);
   const auto place_of = [&](std::uint64_t gid) { return rows.place(gid); };
   if (world.is_alone()) {
-    pairs = carry_of(image.pairs, place_of, gids.size(), true, has_energy);
+    pairs = carry_of(image.pairs, image.further, place_of, gids.size(), true, has_energy);
     walls = carry_of(image.walls, rows);
     return;
   }
   std::vector<PairHistory> own_pairs = image.pairs;
+  std::vector<FurtherHistory> own_further = image.further;
   std::vector<WallHistory> own_walls = image.walls;
-  bring_memory(world, rows, own_pairs, own_walls);
-  pairs = carry_of(own_pairs, place_of, gids.size(), false, has_energy);
+  bring_memory(world, rows, own_pairs, own_further, own_walls);
+  pairs = carry_of(own_pairs, own_further, place_of, gids.size(), false, has_energy);
   walls = carry_of(own_walls, rows);
 }
 

@@ -14,7 +14,7 @@ void gather_fields(const Particles& particles, const std::vector<Field>& fields,
 void gather_memory(const Particles& particles, const Contacts& contacts, Image& image);
 
 /// What gather_memory has gathered, by the present places of the grains; alone only.
-PairCarry carry_by_place(const Particles& particles, const std::vector<PairHistory>& pairs);
+PairCarry carry_by_place(const Particles& particles, const Image& image);
 
 /// Brings rows that lie on any ranks into the order of an image: consecutive over the ranks, about as many on each. `n_gids`: gids ever
 /// given. Sets n_grains. All ranks call it.

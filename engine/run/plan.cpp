@@ -13,6 +13,7 @@
 #include "engine/scene/lists.hpp"
 #include "engine/walls/motion.hpp"
 #include "kernels/base/sphere.hpp"
+#include "kernels/contact/reference/reference.hpp"
 #include "kernels/contact/sweep.hpp"
 
 namespace moraine {
@@ -57,6 +58,23 @@ Sizes sizes_of(const Scene& scene, const std::string& material) {
   return sizes;
 }
 
+/// Half a period of the stiffest vibration that rolling resistance or cohesion adds to a contact; infinite without.
+double further_time(const Scene& scene, const PairParameters& p, double mass, double radius) {
+  double time = infinity;
+  const auto consider = [&](double inertia, double stiffness) {
+    if (stiffness > 0.0) time = std::min(time, std::numbers::pi * std::sqrt(inertia / stiffness));
+  };
+  if (scene.contact.cohesion == CohesionLaw::jkr) consider(mass, jkr_stiffness(p, radius));
+  if (scene.contact.rolling == RollingLaw::spring) {
+    // The reduced inertia of two spheres is 2/5 m r^2 of the reduced mass and at least the reduced radius, up to twice that. A Hertz
+    // contact is as stiff as at an overlap of a hundredth.
+    const double k_n = scene.contact.normal == NormalLaw::linear ? p[Parameter::normal_stiffness]
+                                                                 : 2.0 * p[Parameter::young] * 0.1 * radius;
+    consider(0.4 * mass * radius * radius, rolling_stiffness(p, k_n, radius));
+  }
+  return time;
+}
+
 /// Time of a contact and its dashpot, for a reduced mass [kg] and radius [m].
 double contact_time(const Scene& scene, const PairParameters& p, double mass, double radius, double speed) {
   const double beta = p[Parameter::damping];
@@ -74,7 +92,7 @@ double contact_time(const Scene& scene, const PairParameters& p, double mass, do
     const double share = scene.contact.rotation ? 2.0 / 7.0 : 1.0;
     tangential = std::numbers::pi * std::sqrt(share * mass / p[Parameter::tangential_stiffness]);
   }
-  return std::min(normal, tangential);
+  return std::min({normal, tangential, further_time(scene, p, mass, radius)});
 }
 
 constexpr double most_steps = 1e15;  // of a run
@@ -86,7 +104,9 @@ constexpr double bytes_of_program = 2.9e7;
 double bytes_per_grain(const Scene& scene) {
   const bool remembers = has_history(scene.contact.tangential);
   const double record = 8.0 * record_size(scene.contact.rotation);
-  const double pairs = 4.2 * (8.0 + 8.0 + (remembers ? 32.0 : 0.0) + 2.0);
+  const MemoryColumns columns = memory_of(law_choice(scene));
+  const double further = 8.0 * ((columns.has_rolling ? 3.0 : 0.0) + (columns.has_bond ? 1.0 : 0.0));
+  const double pairs = 4.2 * (8.0 + 8.0 + (remembers ? 32.0 : 0.0) + further + 2.0);
   return 2.0 * record + 8.0 + 2.0 + 24.0 + pairs + (remembers ? 110.0 : 0.0) + 40.0 +
          (scene.output.energy ? 32.0 : 0.0);
 }
@@ -100,6 +120,30 @@ double n_gas_cells(const Scene& scene) {
   if (scene.gas)
     for (const int along : scene.gas->cells) n *= along;
   return n;
+/// How far the attraction of the scene's largest grains reaches [m].
+double attraction_range(const Scene& scene) {
+  if (scene.contact.cohesion == CohesionLaw::none) return 0.0;
+  double largest = 0.0;
+  for (const Material& material : scene.materials) largest = std::max(largest, sizes_of(scene, material.name).largest);
+  return SceneLaws(scene).attraction_range(scene.contact.cohesion, 0.5 * largest);
+}
+
+std::string range_text(const Scene& scene) {
+  const double range = attraction_range(scene);
+  return range > 0.0 ? fmt::format(" (reaches {:.3g} m beyond contact)", range) : std::string();
+}
+
+/// A bond sets in with its full force: what is missed between two steps is the error of its energy.
+void warn_of_coarse_bonds(const Scene& scene, Plan& plan) {
+  const double range = attraction_range(scene), speed = expected_speed(scene);
+  if (!has_bond(scene.contact.cohesion) || !(range > 0.0)) return;
+  const double steps = range / (speed * plan.time_step.step);
+  if (steps < 5.0)
+    plan.warnings.push_back(fmt::format(
+        "at {:.3g} m/s, the fastest approach to expect, a grain crosses the reach of cohesion, {:.3g} m, in "
+        "{:.1f} steps: the energy of bonds made at that speed is off by about {:.0f} %; time.step = {:.3g} s "
+        "would take 5",
+        speed, range, steps, 50.0 / steps, range / (5.0 * speed)));
 }
 
 void describe(const Scene& scene, Plan& plan) {
@@ -121,6 +165,10 @@ void describe(const Scene& scene, Plan& plan) {
       "species (all grains are alike: contacts need not look up what they are)", plan.left_out);
   say(plan.chosen, scene.contact.tangential != TangentialLaw::none, "friction", "friction (no tangential law)",
       plan.left_out);
+  say(plan.chosen, scene.contact.rolling != RollingLaw::none,
+      fmt::format("rolling resistance {}", name_of(scene.contact.rolling)), "rolling resistance", plan.left_out);
+  say(plan.chosen, scene.contact.cohesion != CohesionLaw::none,
+      fmt::format("cohesion {}{}", name_of(scene.contact.cohesion), range_text(scene)), "cohesion", plan.left_out);
   const bool has_periodic = scene.domain.periodic[0] || scene.domain.periodic[1] || scene.domain.periodic[2];
   say(plan.chosen, has_periodic, "periodic images", "periodic images", plan.left_out);
   say(plan.chosen, !scene.walls.empty(),
@@ -306,6 +354,7 @@ Plan make_plan(const Scene& scene, int n_threads) {
   const double rate = 8e6 * std::max(1.0, 0.9 * n_threads);
   plan.seconds = static_cast<double>(plan.n_grains) * static_cast<double>(plan.n_steps) / rate;
   describe(scene, plan);
+  warn_of_coarse_bonds(scene, plan);
   if (plan.time_step.steps_per_contact < 15.0)
     plan.warnings.push_back(
         fmt::format("time.step = {:.4g} s gives the shortest contact ({}, {:.4g} s) only {:.1f} steps: forces will be "

@@ -137,6 +137,7 @@ std::vector<double> region(const ProbeView& view, const Probe& probe) {
     return i >= 0 && p.is_owned(i) && is_in[static_cast<std::size_t>(i)];
   };
   view.contacts.for_each_contact(p, view.dt, [&](const ContactReport& c) {
+    if (!(c.overlap > 0.0)) return;
     if (is_own_inside(c.grain)) sums[n_ends].add(1.0);
     if (is_own_inside(c.other)) sums[n_ends].add(1.0);
   });
@@ -178,7 +179,7 @@ std::vector<double> contacts(const ProbeView& view) {
   std::array<ExactSum, 2> sums;  // number, overlap
   double deepest = 0.0;
   view.contacts.for_each_contact(view.particles, view.dt, [&](const ContactReport& c) {
-    if (!c.is_ours) return;
+    if (!c.is_ours || !(c.overlap > 0.0)) return;
     sums[0].add(1.0);
     sums[1].add(c.overlap / c.smaller_radius);
     deepest = std::max(deepest, c.overlap / c.smaller_radius);

@@ -8,6 +8,7 @@
 
 #include "engine/contacts/cells.hpp"
 #include "engine/contacts/ghost_rule.hpp"
+#include "engine/contacts/law_table.hpp"
 #include "engine/particles/fields.hpp"
 #include "engine/particles/particles.hpp"
 #include "engine/run/decomposition.hpp"
@@ -61,6 +62,12 @@ Projection::Projection(const Scene& scene, std::span<const GrainSeed> grains, in
     radii_.push_back(grain.radius);
     largest_radius_ = std::max(largest_radius_, grain.radius);
   }
+  // Pairs, ghosts and cuts reach as far as the skin and what attracts beyond contact.
+  const CohesionLaw cohesion = scene.contact.cohesion;
+  const double range =
+      cohesion == CohesionLaw::none ? 0.0 : SceneLaws(scene).attraction_range(cohesion, largest_radius_);
+  widest_skin_ += range;
+  skin_ += range;
   for (int axis = 0; axis < 3; ++axis)  // a grain is kept apart from its own image
     if (scene.domain.periodic[at(axis)])
       skin_ = std::min(skin_, scene.domain.box().size()[axis] - 2.0 * largest_radius_);

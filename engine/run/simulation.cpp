@@ -271,7 +271,7 @@ void Simulation::Parts::cut(std::span<const float> weights) {
       positions.push_back(particles.position(i));
       if (!weights.empty()) those_here.push_back(weights[static_cast<std::size_t>(i)]);
     }
-  const double widest = moraine::widest_skin(scene, plan);
+  const double widest = moraine::widest_skin(scene, plan) + contacts->range();
   const bool is_even = scene.run.balance == Balance::off || scene.run.balance == Balance::threads;
   contacts->set_subdomains(
       is_even ? decompose_evenly(world, world.size(), scene, kind.largest_radius, widest)
@@ -335,7 +335,7 @@ double Simulation::Parts::widest_skin() const {
   double widest = infinity;
   for (int axis = 0; axis < 3; ++axis)
     if (scene.domain.periodic[static_cast<std::size_t>(axis)])
-      widest = std::min(widest, scene.domain.box().size()[axis] - 2.0 * kind.largest_radius);
+      widest = std::min(widest, scene.domain.box().size()[axis] - 2.0 * kind.largest_radius - contacts->range());
   return widest;
 }
 
@@ -748,7 +748,7 @@ void Simulation::Parts::take_memory(Image& image) {
   trim_heap();
   gather_memory(particles, *contacts, image);
   contacts->set_aside();
-  contacts->give_back(carry_by_place(particles, image.pairs));
+  contacts->give_back(carry_by_place(particles, image));
   trim_heap();
 }
 

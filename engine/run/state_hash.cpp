@@ -48,6 +48,11 @@ Hash128 state_hash(const World& world, const Particles& particles, const Contact
                    std::span<const double> remembered, GasPhase* gas) {
   Sum sum;
   std::vector<std::uint64_t> words;
+  // Scenes without further laws keep the hashes that they had.
+  const bool has_further = contacts.choice().has_further();
+  const auto add_further = [&](const FurtherMemory& m) {
+    if (has_further) words.insert(words.end(), {word(m.angle[0]), word(m.angle[1]), word(m.angle[2]), word(m.bond)});
+  };
   const auto start = [&](Kind kind) { words.assign(1, static_cast<std::uint64_t>(kind)); };
   if (world.is_root()) {
     start(Kind::run);
@@ -73,6 +78,7 @@ Hash128 state_hash(const World& world, const Particles& particles, const Contact
     start(Kind::pair);
     words.insert(words.end(), {particles.gid(a), particles.gid(b), image, word(m.displacement[0]),
                                word(m.displacement[1]), word(m.displacement[2])});
+    add_further(m.further);
     sum.add(words);
   });
   for (const WallCarry::Item& item : contacts.wall_carry().items) {
@@ -82,6 +88,7 @@ Hash128 state_hash(const World& world, const Particles& particles, const Contact
     words.insert(words.end(),
                  {particles.gid(item.grain), static_cast<std::uint64_t>(item.surface), word(n.x), word(n.y), word(n.z),
                   word(m.displacement[0]), word(m.displacement[1]), word(m.displacement[2])});
+    add_further(m.further);
     sum.add(words);
   }
   if (gas)

@@ -1,6 +1,7 @@
 // Materials, contact laws, and the parameters of every pair of materials that can meet.
 #include <algorithm>
 #include <array>
+#include <numbers>
 #include <set>
 #include <string_view>
 
@@ -47,6 +48,27 @@ constexpr std::array listed_combinations = {
 int difference(TangentialLaw a, TangentialLaw b) {
   if (a == b) return 0;
   return has_history(a) == has_history(b) ? 1 : 2;
+}
+
+/// Rolling resistance and cohesion are compiled with the two usual pairs of laws only.
+void check_further(const ContactLaws& contact, Findings& found) {
+  const bool has_rolling = contact.rolling != RollingLaw::none, has_cohesion = contact.cohesion != CohesionLaw::none;
+  if (!has_rolling && !has_cohesion) return;
+  const std::string key = has_cohesion ? "contact.cohesion" : "contact.rolling";
+  const std::string_view name = has_cohesion ? name_of(contact.cohesion) : name_of(contact.rolling);
+  if (contact.cohesion == CohesionLaw::jkr && contact.normal == NormalLaw::linear)
+    found.error(key,
+                "\"jkr\" cannot be combined with normal = \"linear\"; nearest: normal = \"hertz\" with tangential = "
+                "\"mindlin\", or cohesion = \"linear\" or \"sjkr\" with normal = \"linear\"");
+  const TangentialLaw listed = contact.normal == NormalLaw::linear ? TangentialLaw::spring : TangentialLaw::mindlin;
+  if (contact.tangential != listed)
+    found.error(key,
+                "\"{}\" cannot be combined with tangential = \"{}\"; nearest: tangential = \"{}\" with normal = \"{}\" "
+                "(friction = 0 leaves tangential forces out)",
+                name, name_of(contact.tangential), name_of(listed), name_of(contact.normal));
+  if (has_rolling && !contact.rotation)
+    found.error("contact.rolling", "\"{}\" needs rotation = true: grains that do not rotate do not roll",
+                name_of(contact.rolling));
 }
 
 void check_combination(const ContactLaws& contact, Findings& found) {
@@ -116,6 +138,43 @@ void check_pair_values(const ContactLaws& laws, const PairLaw& pair, const std::
   }
 }
 
+/// A number of a pair that belongs to one law: checked where the scene has the law, reported where it has another.
+void check_belongs(const std::string& key, double value, const char* unit, bool is_used, std::string_view law,
+                   std::string_view other, Findings& found) {
+  found.not_negative(key, value, unit);
+  if (value != 0.0 && !is_used) found.warning(key, "is not used by {} = \"{}\"", law, other);
+}
+
+void check_further_values(const ContactLaws& laws, const PairLaw& pair, const std::string& key, Findings& found) {
+  const bool rolls = laws.rolling != RollingLaw::none;
+  check_belongs(key + ".rolling_friction", pair.rolling_friction, "-", rolls, "rolling", name_of(laws.rolling), found);
+  if (pair.rolling_stiffness) {
+    found.positive(key + ".rolling_stiffness", *pair.rolling_stiffness, "N m/rad");
+    if (laws.rolling != RollingLaw::spring)
+      found.warning(key + ".rolling_stiffness", "is not used by rolling = \"{}\"", name_of(laws.rolling));
+  }
+  if (!(pair.rolling_damping >= 0.0 && pair.rolling_damping <= 1.0))
+    found.error(key + ".rolling_damping", "is {}; expected 0 to 1 (critical damping)", pair.rolling_damping);
+  const auto belongs = [&](const char* name, double value, const char* unit, CohesionLaw law) {
+    check_belongs(key + name, value, unit, laws.cohesion == law, "cohesion", name_of(laws.cohesion), found);
+  };
+  belongs(".work_of_adhesion", pair.work_of_adhesion, "J/m2", CohesionLaw::jkr);
+  belongs(".cohesion_energy_density", pair.cohesion_energy_density, "J/m3", CohesionLaw::sjkr);
+  belongs(".cohesion_force", pair.cohesion_force, "N", CohesionLaw::linear);
+  belongs(".cohesion_range", pair.cohesion_range, "m", CohesionLaw::linear);
+  belongs(".surface_tension", pair.surface_tension, "N/m", CohesionLaw::liquid_bridge);
+  belongs(".liquid_volume", pair.liquid_volume, "m3", CohesionLaw::liquid_bridge);
+  belongs(".contact_angle", pair.contact_angle, "rad", CohesionLaw::liquid_bridge);
+  if (pair.contact_angle > 0.5 * std::numbers::pi)
+    found.error(key + ".contact_angle", "is {} rad; expected at most pi/2: a liquid that does not wet makes no bridges",
+                pair.contact_angle);
+  if (laws.cohesion == CohesionLaw::liquid_bridge && (pair.surface_tension > 0.0) != (pair.liquid_volume > 0.0))
+    found.error(
+        key + (pair.liquid_volume > 0.0 ? ".surface_tension" : ".liquid_volume"),
+        "missing: a liquid bridge needs both surface_tension [N/m] and liquid_volume [m3]; a pair without either has "
+        "no bridges");
+}
+
 void check_pairs(const Scene& scene, Findings& found) {
   std::vector<std::string> names;
   for (const Material& material : scene.materials) names.push_back(material.name);
@@ -131,6 +190,7 @@ void check_pairs(const Scene& scene, Findings& found) {
       found.error(key + ".between", "[\"{}\", \"{}\"] was given before, by contact.pair[{}]", pairs[i].between[0],
                   pairs[i].between[1], first - pairs.data());
     check_pair_values(scene.contact, pairs[i], key, found);
+    check_further_values(scene.contact, pairs[i], key, found);
   }
 }
 
@@ -178,6 +238,7 @@ void check_materials(const Scene& scene, Findings& found) {
 
 void check_contact(const Scene& scene, Findings& found) {
   check_combination(scene.contact, found);
+  check_further(scene.contact, found);
   check_pairs(scene, found);
   check_that_pairs_are_complete(scene, uses_of(scene), found);
 }

@@ -59,11 +59,23 @@ struct PairLaw {
                                              //     the one that matches the tangential spring (Hertz; none: 1)
   double tangential_viscosity = 0.0;         // [N s/m]; viscous tangential law
   std::optional<double> tangential_displacement;  // [m] delta_max of the power law; none: 1.5 mu F_N / k_t
+  double rolling_friction = 0.0;                  // [-] torque of rolling resistance over R* F_n
+  std::optional<double> rolling_stiffness;        // [N m/rad] rolling spring; none: 2.25 k_n (mu_r R*)^2
+  double rolling_damping = 0.3;                   // [-] share of the critical damping; rolling spring
+  double work_of_adhesion = 0.0;                  // [J/m2] jkr
+  double cohesion_energy_density = 0.0;           // [J/m3] sjkr
+  double cohesion_force = 0.0;                    // [N] linear
+  double cohesion_range = 0.0;                    // [m] linear: gap at which the attraction ends
+  double surface_tension = 0.0;                   // [N/m] liquid bridge
+  double contact_angle = 0.0;                     // [rad] of the liquid
+  double liquid_volume = 0.0;                     // [m3] of a bridge
 };
 
 struct ContactLaws {
   NormalLaw normal = NormalLaw::linear;
   TangentialLaw tangential = TangentialLaw::spring;
+  RollingLaw rolling = RollingLaw::none;
+  CohesionLaw cohesion = CohesionLaw::none;
   bool rotation = true;
   std::vector<PairLaw> pairs;
 };

@@ -21,7 +21,7 @@ namespace fs = std::filesystem;
 namespace {
 
 // What is added to a history must be written and read here, or a restart loses it without a word.
-static_assert(sizeof(PairHistory) == 7 * 8 && sizeof(WallHistory) == 9 * 8,
+static_assert(sizeof(PairHistory) == 7 * 8 && sizeof(FurtherHistory) == 7 * 8 && sizeof(WallHistory) == 13 * 8,
               "a history has changed: checkpoints must keep all of it");
 
 std::array<double, 3> as_array(Vec3 v) { return {v.x, v.y, v.z}; }
@@ -88,6 +88,21 @@ void for_wall_columns(Visit&& visit) {
   visit(ColumnForm{"contacts/walls/displacement", FieldType::real, 3, "m"}, [](auto& w) { return &w.displacement[0]; });
 }
 
+/// What rolling resistance and cohesion remember: no dataset in scenes without.
+template <class Visit>
+void for_further_columns(Visit&& visit) {
+  visit(ColumnForm{"contacts/further/gid_low", FieldType::gid, 1, {}}, [](auto& f) { return &f.gid_low; });
+  visit(ColumnForm{"contacts/further/gid_high", FieldType::gid, 1, {}}, [](auto& f) { return &f.gid_high; });
+  visit(ColumnForm{"contacts/further/image", FieldType::gid, 1, {}}, [](auto& f) { return &f.image; });
+  visit(ColumnForm{"contacts/further/angle", FieldType::real, 3, "rad"}, [](auto& f) { return &f.angle[0]; });
+  visit(ColumnForm{"contacts/further/bond", FieldType::real, 1, {}}, [](auto& f) { return &f.bond; });
+}
+template <class Visit>
+void for_further_wall_columns(Visit&& visit) {
+  visit(ColumnForm{"contacts/walls/angle", FieldType::real, 3, "rad"}, [](auto& w) { return &w.angle[0]; });
+  visit(ColumnForm{"contacts/walls/bond", FieldType::real, 1, {}}, [](auto& w) { return &w.bond; });
+}
+
 const ColumnForm pair_energy{"contacts/pairs/energy", FieldType::real, 1, "J"};
 const ColumnForm wall_energy{"contacts/walls/energy", FieldType::real, 1, "J"};
 constexpr auto energy_in = [](auto& entry) { return &entry.energy; };
@@ -101,14 +116,18 @@ Column entry_column(const ColumnForm& form, const std::vector<Entry>& entries, P
           }};
 }
 
+/// Whether there is an entry on any rank of which this holds. All ranks call it.
+template <class Entry, class Predicate>
+bool is_any(const std::vector<Entry>& entries, const World& world, Predicate holds) {
+  std::uint64_t any[] = {std::any_of(entries.begin(), entries.end(), holds)};
+  world.max(std::span<std::uint64_t>(any));
+  return any[0] != 0;
+}
+
 /// What springs hold; scenes without an energy ledger have none, and no dataset. All ranks call it.
 template <class Entry>
 bool has_energy(const std::vector<Entry>& entries, const World& world) {
-  std::uint64_t any[] = {std::any_of(entries.begin(), entries.end(), [](const Entry& entry) {
-    return std::bit_cast<std::uint64_t>(entry.energy) != 0;
-  })};
-  world.max(std::span<std::uint64_t>(any));
-  return any[0] != 0;
+  return is_any(entries, world, [](const Entry& entry) { return std::bit_cast<std::uint64_t>(entry.energy) != 0; });
 }
 
 Table table_of_grains(const Image& image) {
@@ -140,6 +159,18 @@ Table table_of_walls(const Image& image, const World& world) {
   for_wall_columns(
       [&](const ColumnForm& form, auto place) { table.columns.push_back(entry_column(form, image.walls, place)); });
   if (has_energy(image.walls, world)) table.columns.push_back(entry_column(wall_energy, image.walls, energy_in));
+  if (is_any(image.walls, world, [](const WallHistory& w) {
+        return w.angle[0] != 0.0 || w.angle[1] != 0.0 || w.angle[2] != 0.0 || w.bond != 0.0;
+      }))
+    for_further_wall_columns(
+        [&](const ColumnForm& form, auto place) { table.columns.push_back(entry_column(form, image.walls, place)); });
+  return table;
+}
+
+Table table_of_further(const Image& image) {
+  Table table{image.further.size(), {}};
+  for_further_columns(
+      [&](const ColumnForm& form, auto place) { table.columns.push_back(entry_column(form, image.further, place)); });
   return table;
 }
 
@@ -164,6 +195,8 @@ Content content_of(const Image& image, const RunRecord* record, const World& wor
   if (record != nullptr) {
     content.tables.push_back(table_of_pairs(image, world));
     content.tables.push_back(table_of_walls(image, world));
+    if (is_any(image.further, world, [](const FurtherHistory&) { return true; }))
+      content.tables.push_back(table_of_further(image));
   }
   const std::size_t first_grid = content.tables.size();
   for (const GridArray& array : image.grids) content.tables.push_back(table_of_grid(array));
@@ -500,6 +533,18 @@ void read_history(const Hdf5Reader& file, Image& image, const World& world) {
   };
   for_wall_columns(read_walls);
   if (file.exists(wall_energy.name)) read_walls(wall_energy, energy_in);
+  for_further_wall_columns([&](const ColumnForm& form, auto place) {
+    if (file.exists(form.name)) read_walls(form, place);
+  });
+
+  const ColumnForm first_further{"contacts/further/gid_low", FieldType::gid, 1, {}};
+  if (file.exists(first_further.name)) {
+    const std::uint64_t n_further = file.n_rows(first_further);
+    const RowRange further = share_of(n_further, world);
+    for_further_columns([&](const ColumnForm& form, auto place) {
+      read_entries(file, form, further, n_further, image.further, place);
+    });
+  }
 }
 
 RunRecord read_record(const Hdf5Reader& file) {

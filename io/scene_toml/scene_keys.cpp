@@ -276,6 +276,20 @@ const KeyTable<PairDraft>& pair_keys() {
       value("tangential_viscosity", &PairLaw::tangential_viscosity, {"N s/m", "dashpot of the viscous tangential law"}),
       value("tangential_displacement", &PairLaw::tangential_displacement,
             {"m", "displacement at which the power law reaches friction"}, optional_key, "1.5 mu F_N / k_t"),
+      value("rolling_friction", &PairLaw::rolling_friction,
+            {"-", "rolling resistance: its largest torque over normal force and reduced radius"}),
+      value("rolling_stiffness", &PairLaw::rolling_stiffness, {"N m/rad", "spring of the rolling law spring"},
+            optional_key, "2.25 k_n (mu_r R*)^2"),
+      value("rolling_damping", &PairLaw::rolling_damping,
+            {"-", "dashpot of the rolling law spring, over the critical one"}),
+      value("work_of_adhesion", &PairLaw::work_of_adhesion, {"J/m2", "energy that parts two surfaces; cohesion jkr"}),
+      value("cohesion_energy_density", &PairLaw::cohesion_energy_density,
+            {"J/m3", "attraction over area of contact; cohesion sjkr"}),
+      value("cohesion_force", &PairLaw::cohesion_force, {"N", "attraction in contact; cohesion linear"}),
+      value("cohesion_range", &PairLaw::cohesion_range, {"m", "gap at which the attraction ends; cohesion linear"}),
+      value("surface_tension", &PairLaw::surface_tension, {"N/m", "of the liquid; cohesion liquid_bridge"}),
+      value("contact_angle", &PairLaw::contact_angle, {"rad", "of the liquid; cohesion liquid_bridge"}),
+      value("liquid_volume", &PairLaw::liquid_volume, {"m3", "of each bridge; cohesion liquid_bridge"}),
   }};
   static const KeyTable<PairDraft> keys =
       inside(&PairDraft::law, law,
@@ -298,8 +312,23 @@ const KeyTable<ContactDraft>& contact_keys() {
               {"power", TangentialLaw::power}},
              {"", "tangential law, under Coulomb's cap; mindlin with hertz only"}, "\"spring\""),
       value("rotation", &Laws::rotation, {"", "false: grains do not rotate, and carry nothing for it"}),
-      planned<Laws>("rolling", "rolling resistance"),
-      planned<Laws>("cohesion", "cohesion"),
+      choice("rolling", &Laws::rolling,
+             {{"none", RollingLaw::none}, {"constant", RollingLaw::constant}, {"spring", RollingLaw::spring}},
+             {"",
+              "rolling resistance: a torque of constant size against rolling, or an elastic-plastic spring with a "
+              "dashpot"},
+             "\"none\""),
+      choice("cohesion", &Laws::cohesion,
+             {{"none", CohesionLaw::none},
+              {"jkr", CohesionLaw::jkr},
+              {"sjkr", CohesionLaw::sjkr},
+              {"linear", CohesionLaw::linear},
+              {"liquid_bridge", CohesionLaw::liquid_bridge}},
+             {"",
+              "attraction: Johnson, Kendall and Roberts (with hertz), its simplified form, a force that falls linearly "
+              "with the "
+              "gap, or liquid bridges"},
+             "\"none\""),
   }};
   static const KeyTable<ContactDraft> keys =
       inside(&ContactDraft::laws, laws,

@@ -184,6 +184,7 @@ Comparison compare(const Image& a, const Image& b) {
   compare_grids(a, b, result);
   if (has_history(a) && has_history(b)) {
     compare_histories(a.pairs, b.pairs, "contact histories", result.notes);
+    compare_histories(a.further, b.further, "rolling and bonds of pairs", result.notes);
     compare_histories(a.walls, b.walls, "wall contact histories", result.notes);
     compare_accumulators(a, b, result.notes);
   }

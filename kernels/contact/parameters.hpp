@@ -20,6 +20,13 @@ enum class Parameter : std::uint8_t {
   friction,            // mu [-]
   viscosity,           // gamma_t [N s/m] (viscous)
   displacement,        // delta_max [m] (power); 0: 3/2 mu F_N / k_t
+  rolling_friction,    // mu_r [-] (rolling)
+  rolling_stiffness,   // k_r [N m/rad] (rolling spring); 0: 2.25 k_n mu_r^2 R*^2
+  rolling_damping,     // [-] of the critical damping (rolling spring)
+  cohesion,            // JKR: work of adhesion W [J/m2]. Simplified JKR: energy density [J/m3]. Linear: force F_0 [N].
+                       //     Liquid bridge: surface tension times cosine of the contact angle [N/m]
+  cohesion_range,      // [m] linear: reach beyond contact. Liquid bridge: gap at which it breaks
+  liquid_volume,       // V [m3] of a liquid bridge
   count_
 };
 inline constexpr std::size_t n_parameters = static_cast<std::size_t>(Parameter::count_);
@@ -57,6 +64,11 @@ struct LawChoice {
   bool has_rotation = true;
   bool is_uniform = false;  // all grains have the same radius, mass and material
   bool has_ledger = false;  // the energy lost in each contact is wanted
+  RollingLaw rolling = RollingLaw::none;
+  CohesionLaw cohesion = CohesionLaw::none;
+
+  /// True where there is more to a contact than its normal and tangential law.
+  constexpr bool has_further() const { return rolling != RollingLaw::none || cohesion != CohesionLaw::none; }
 };
 
 }  // namespace moraine

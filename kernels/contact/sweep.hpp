@@ -16,12 +16,28 @@ namespace moraine {
 /// Ranges of pairs begin and end at multiples of this; they are filled up with pairs of the dummy grain.
 inline constexpr std::int64_t pair_group = 8;
 
-/// Doubles in a slot: F lever_a | M lever_b | losses (normal dashpot, tangential dashpot, friction, -).
-constexpr int slot_size(bool has_rotation, bool has_ledger) {
-  return 4 + (has_rotation ? 4 : 0) + (has_ledger ? 4 : 0);
+/// Doubles in a slot: F lever_a | M lever_b | rolling torque on a, - (further laws) | losses (normal dashpot, tangential dashpot,
+/// friction, -).
+constexpr int slot_size(bool has_rotation, bool has_ledger, bool has_further = false) {
+  return 4 + (has_rotation ? (has_further ? 8 : 4) : 0) + (has_ledger ? 4 : 0);
 }
 /// Doubles that a pair remembers: tangential displacement [m], and with the ledger the energy stored in it [J].
 constexpr int memory_columns(bool has_ledger) { return has_ledger ? 4 : 3; }
+/// The columns of what a pair remembers, with the further laws: tangential displacement [m], stored energy [J], rolling angle [rad],
+/// 1 where a bond is made.
+struct MemoryColumns {
+  bool has_history = false, has_energy = false, has_rolling = false, has_bond = false;
+  constexpr int rolling() const { return memory_columns(has_energy); }
+  constexpr int bond() const { return rolling() + (has_rolling ? 3 : 0); }
+  constexpr int count() const { return has_history ? bond() + (has_bond ? 1 : 0) : 0; }
+  constexpr bool has_further() const { return has_rolling || has_bond; }
+};
+constexpr MemoryColumns memory_of(const LawChoice& choice) {
+  return {has_history(choice.tangential), choice.has_ledger, choice.rolling == RollingLaw::spring,
+          has_bond(choice.cohesion)};
+}
+/// Doubles that a wall touch hands to the sweep and back: displacement, energy | rolling angle, bond.
+constexpr int wall_memory_size(bool has_further) { return has_further ? 8 : 4; }
 /// Where column c of a pair's memory lies: groups of pairs, each with one column behind the other, so that lanes are loaded as they lie.
 constexpr std::int64_t memory_at(std::int64_t pair, int c, int n_columns) {
   return (pair / pair_group * n_columns + c) * pair_group + pair % pair_group;
@@ -42,6 +58,10 @@ struct PairSweep {
   double radius = 0.0;        // [m] of every grain (uniform)
   double dt = 0.0;            // [s]
   double max_overlap = 1.0;   // [-] of the smaller radius: beyond it the run is to be stopped
+  // the further laws
+  RollingLaw rolling = RollingLaw::none;
+  CohesionLaw cohesion = CohesionLaw::none;
+  double range = 0.0;  // [m] no pair attracts beyond this gap
 };
 
 struct SweepResult {
@@ -64,7 +84,7 @@ struct WallTouches {
   const double* velocity_z = nullptr;
   const double* mirror = nullptr;  // 1: a wall; 2: a mirror, in which the grain meets its own image
   const std::uint8_t* species = nullptr;
-  double* history = nullptr;  // four doubles a touch: displacement [m], energy [J]
+  double* history = nullptr;  // wall_memory_size() doubles a touch
   double* slots = nullptr;    // force on the grain, as for pairs with the grain as a
 };
 
@@ -74,6 +94,8 @@ struct WallSweep {
   const LawTable* table = nullptr;  // of grains with walls
   double dt = 0.0;                  // [s]
   double max_overlap = 1.0;         // [-] of the radius
+  RollingLaw rolling = RollingLaw::none;
+  CohesionLaw cohesion = CohesionLaw::none;
 };
 
 using WallKernel = SweepResult (*)(const WallSweep& sweep, Range touches);
@@ -86,7 +108,7 @@ struct ContactKernels {
 /// The compiled kernels of a combination, for this machine's instruction set; null where the combination is not listed.
 ContactKernels contact_kernels(const LawChoice& choice);
 /// True where the combination of laws has been compiled.
-bool is_listed(NormalLaw normal, TangentialLaw tangential);
+bool is_listed(const LawChoice& choice);
 /// The instruction set that the kernels were chosen for, for example "AVX3".
 const char* instruction_set();
 

@@ -23,9 +23,9 @@ struct Sum {
   Quad force, moment, lost;
 };
 
-template <bool has_rotation, bool has_ledger>
+template <bool has_rotation, bool has_ledger, bool has_further>
 HWY_INLINE Sum sum_of_contacts(const GrainSums& sums, std::int32_t i, std::int64_t& w) {
-  constexpr int slot = slot_size(has_rotation, has_ledger);
+  constexpr int slot = slot_size(has_rotation, has_ledger, has_further);
   Sum sum{set_quad(0.0), set_quad(0.0), set_quad(0.0)};
   const std::uint32_t end = sums.offsets[i - sums.first_grain + 1];
   for (std::uint32_t q = sums.offsets[i - sums.first_grain]; q < end; ++q) {
@@ -39,6 +39,8 @@ HWY_INLINE Sum sum_of_contacts(const GrainSums& sums, std::int32_t i, std::int64
     if constexpr (has_rotation) {
       const Quad m = load_quad(s + 4);
       sum.moment = sum.moment - last_of(load_quad(s + (is_b ? 4 : 0))) * m;
+      if constexpr (has_further)
+        sum.moment = sum.moment + flip_sign(load_quad(s + 8), static_cast<std::uint64_t>(is_b) << 63);
     }
     if constexpr (has_ledger)
       if (!is_b) sum.lost = sum.lost + load_quad(s + slot - 4);
@@ -47,13 +49,16 @@ HWY_INLINE Sum sum_of_contacts(const GrainSums& sums, std::int32_t i, std::int64
     const double* s = sums.wall_slots + w * slot;
     const Quad f = load_quad(s);
     sum.force = sum.force + f;
-    if constexpr (has_rotation) sum.moment = sum.moment - last_of(f) * load_quad(s + 4);
+    if constexpr (has_rotation) {
+      sum.moment = sum.moment - last_of(f) * load_quad(s + 4);
+      if constexpr (has_further) sum.moment = sum.moment + load_quad(s + 8);
+    }
     if constexpr (has_ledger) sum.lost = sum.lost + load_quad(s + slot - 4);
   }
   return sum;
 }
 
-template <bool has_rotation, bool has_ledger>
+template <bool has_rotation, bool has_ledger, bool has_further>
 MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Range range) {
   constexpr int stride = record_size(has_rotation);
   const Kick& kick = sums.kick;
@@ -69,7 +74,7 @@ MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Ran
   std::int64_t w = 0;
   for (std::int64_t n = range.begin; n < range.end; ++n) {
     const std::int32_t i = list ? list[n] : static_cast<std::int32_t>(n);
-    const Sum sum = sum_of_contacts<has_rotation, has_ledger>(sums, i, w);
+    const Sum sum = sum_of_contacts<has_rotation, has_ledger, has_further>(sums, i, w);
     double* const record = sums.records + std::int64_t{i} * stride;
     const Quad v_old = load_quad(record + 4);
     Quad acceleration = fma(sum.force, last_of(v_old), gravity);
@@ -131,9 +136,15 @@ MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Ran
   return result;
 }
 
-MotionKernel choose_motion(bool has_rotation, bool has_ledger) {
-  if (has_rotation) return has_ledger ? &advance_grains<true, true> : &advance_grains<true, false>;
-  return has_ledger ? &advance_grains<false, true> : &advance_grains<false, false>;
+template <bool has_further>
+MotionKernel choose_slots(bool has_rotation, bool has_ledger) {
+  if (has_rotation)
+    return has_ledger ? &advance_grains<true, true, has_further> : &advance_grains<true, false, has_further>;
+  return has_ledger ? &advance_grains<false, true, false> : &advance_grains<false, false, false>;
+}
+
+MotionKernel choose_motion(bool has_rotation, bool has_ledger, bool has_further) {
+  return has_further ? choose_slots<true>(has_rotation, has_ledger) : choose_slots<false>(has_rotation, has_ledger);
 }
 
 }  // namespace HWY_NAMESPACE
@@ -143,8 +154,8 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace moraine {
 HWY_EXPORT(choose_motion);
-MotionKernel motion_kernel(bool has_rotation, bool has_ledger) {
-  return HWY_DYNAMIC_DISPATCH(choose_motion)(has_rotation, has_ledger);
+MotionKernel motion_kernel(bool has_rotation, bool has_ledger, bool has_further) {
+  return HWY_DYNAMIC_DISPATCH(choose_motion)(has_rotation, has_ledger, has_further);
 }
 }  // namespace moraine
 #endif

@@ -65,6 +65,7 @@ struct MotionResult {
 /// Advances the grains `list[range]`, or the grains of `range` themselves where list is nullptr.
 using MotionKernel = MotionResult (*)(const GrainSums& sums, const std::int32_t* list, Range range);
 
-MotionKernel motion_kernel(bool has_rotation, bool has_ledger);
+/// `has_further`: slots have a rolling torque.
+MotionKernel motion_kernel(bool has_rotation, bool has_ledger, bool has_further = false);
 
 }  // namespace moraine

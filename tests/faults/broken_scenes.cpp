@@ -74,8 +74,6 @@ const std::vector<Broken> table = {
      "18: key \"particles\" = { material = \"glass\", diameter = 0.02, fill = { count =  ...: expected a list of "
      "tables, found one table; write "
      "[[particles]] with two brackets"},
-    {"planned law", "tangential = \"spring\"", "tangential = \"spring\"\nrolling = \"constant\"",
-     "13: key \"contact.rolling\" = \"constant\": not available yet in this version; leave it out"},
     {"planned precision", "", "[run]\nprecision = \"mixed\"",
      "31: key \"run.precision\": \"mixed\" is not available yet in this version; use \"double\""},
     {"balance that is not", "", "[run]\nbalance = \"ranks\"",
@@ -139,6 +137,21 @@ const std::vector<Broken> table = {
      "\"linear\" with tangential = "
      "\"spring\", or normal = \"hertz\" with \"mindlin\"; with \"linear\" there are \"none\", \"viscous\", \"spring\", "
      "\"power\""},
+    {"rolling without rotation", "tangential = \"spring\"",
+     "tangential = \"spring\"\nrolling = \"spring\"\nrotation = false",
+     "13: key \"contact.rolling\": \"spring\" needs rotation = true: grains that do not rotate do not roll"},
+    {"rolling with another tangential law", "tangential = \"spring\"", "tangential = \"power\"\nrolling = \"constant\"",
+     "13: key \"contact.rolling\": \"constant\" cannot be combined with tangential = \"power\"; nearest: tangential = "
+     "\"spring\" with normal = \"linear\" (friction = 0 leaves tangential forces out)"},
+    {"cohesion that needs Hertz", "tangential = \"spring\"", "tangential = \"spring\"\ncohesion = \"jkr\"",
+     "13: key \"contact.cohesion\": \"jkr\" cannot be combined with normal = \"linear\"; nearest: normal = \"hertz\" "
+     "with "
+     "tangential = \"mindlin\", or cohesion = \"linear\" or \"sjkr\" with normal = \"linear\""},
+    {"a bridge without a liquid", "[[contact.pair]]",
+     "cohesion = \"liquid_bridge\"\n[[contact.pair]]\nsurface_tension = 0.07",
+     "14: key \"contact.pair[0].liquid_volume\": missing: a liquid bridge needs both surface_tension [N/m] and "
+     "liquid_volume "
+     "[m3]; a pair without either has no bridges"},
     {"unknown material of a pair", "between = [\"glass\", \"glass\"]", "between = [\"glass\", \"glas\"]",
      "14: key \"contact.pair[0].between[1]\": \"glas\" is not a material; did you mean \"glass\"?"},
     {"missing pair", "young = 1e7",

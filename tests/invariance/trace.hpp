@@ -93,6 +93,7 @@ inline std::string difference(const Image& x, const Image& y) {
   }
   if (x.pairs != y.pairs)
     return "pair history (" + std::to_string(x.pairs.size()) + " and " + std::to_string(y.pairs.size()) + ")";
+  if (x.further != y.further) return "rolling and bonds of pairs";
   if (x.walls != y.walls)
     return "wall history (" + std::to_string(x.walls.size()) + " and " + std::to_string(y.walls.size()) + ")";
   for (std::size_t k = 0; k < x.grids.size(); ++k)

@@ -32,6 +32,7 @@ Image image_of(std::uint64_t step, const World& world) {
   }
   if (!world.is_root()) {  // the root has all histories
     image.pairs.clear();
+    image.further.clear();
     image.walls.clear();
   }
   return image;

@@ -4,6 +4,7 @@
 #include <sys/mount.h>
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <array>
 #include <catch2/catch.hpp>
 #include <csignal>
@@ -69,6 +70,8 @@ Image rows_of(const Image& whole, const Share& share) {
   const RowRange pairs = share(whole.pairs.size()), walls = share(whole.walls.size());
   image.pairs = part_of(whole.pairs, pairs.first, pairs.n);
   image.walls = part_of(whole.walls, walls.first, walls.n);
+  const RowRange further = share(whole.further.size());
+  image.further = part_of(whole.further, further.first, further.n);
   for (GridArray& array : image.grids) {
     const RowRange values = share(array.values.size());
     array.values = part_of(array.values, values.first, values.n);
@@ -238,7 +241,11 @@ TEST_CASE("a scene without rotation, energies and touching grains gives the same
   Image whole = make_image(50);
   std::erase_if(whole.fields, [](const FieldArray& array) { return info(array.field).need != Need::always; });
   whole.pairs.clear();
-  for (WallHistory& wall : whole.walls) wall.energy = 0.0;
+  whole.further.clear();
+  for (WallHistory& wall : whole.walls) {
+    wall.energy = wall.bond = 0.0;
+    std::fill_n(wall.angle, 3, 0.0);
+  }
   at_root([&] { write_checkpoint(directory.path() / "alone.h5", whole, record); });
   for (const bool distributed : {false, true}) {
     const fs::path path = directory.path() / (distributed ? "d.h5" : "c.h5");

@@ -45,6 +45,7 @@ void each_table(Image& image, Function f) {
   }
   f(image.pairs, 1);
   f(image.walls, 1);
+  f(image.further, 1);
   for (GridArray& array : image.grids) f(array.values, 1);
 }
 

@@ -43,6 +43,7 @@ SMALL = {
     "mixer": (["time.end=0.06", "output.snapshots=0.02", "wall[2].motion[0].ramp=[[0.0, 1.0]]",
                "wall[3].motion[0].ramp=[[0.0, 1.0]]"], 0.03, False),
     "spouted_bed_recycle": (["time.end=0.3", "output.snapshots=0.1", "outlet[0].box.low=[0.0, 0.15, 0.0]"], 0.16, True),
+    "wet_pile": (["time.end=0.15", "wall[1].until=0.03", "output.snapshots=0.05"], 0.08, True),
     "settled_bed": (["time.end=0.08", "domain.high=[0.04, 0.12, 0.05]", "output.snapshots=0.02"], 0.05, False),
 }
 

@@ -229,6 +229,39 @@ inline Scene mirrored() {
   return s;
 }
 
+/// Wet grains that roll stiffly, poured into a mesh cone that a gate closes until it opens: liquid bridges among them and to the walls,
+/// which break as they drain.
+inline Scene wet_hopper() {
+  Scene s = hopper(0.06);
+  s.contact.rolling = RollingLaw::spring;
+  s.contact.cohesion = CohesionLaw::liquid_bridge;
+  for (PairLaw& p : s.contact.pairs) {
+    p.rolling_friction = 0.1;
+    p.surface_tension = 0.3;
+    p.contact_angle = 0.3;
+    p.liquid_volume = 5e-9;
+  }
+  s.contact.pairs[1].liquid_volume = 2e-9;  // steel is less wet
+  return s;
+}
+
+/// Sticky grains of two sizes that two streams throw against each other, across all faces.
+inline Scene sticky_flow() {
+  Scene s = periodic_flow();
+  s.contact.normal = NormalLaw::hertz;
+  s.contact.tangential = TangentialLaw::mindlin;
+  s.contact.rolling = RollingLaw::constant;
+  s.contact.cohesion = CohesionLaw::jkr;
+  s.time.step = 2e-5;
+  s.particles[1].diameter.value = 0.7 * d;
+  for (PairLaw& p : s.contact.pairs) {
+    p.normal_stiffness = 0.0;
+    p.rolling_friction = 0.05;
+    p.work_of_adhesion = 3.0;
+  }
+  return s;
+}
+
 /// Air in cells two to three grains wide.
 inline Gas air(std::array<int, 3> cells) {
   Gas g;
@@ -489,6 +522,8 @@ inline std::vector<Named> all() {
           {"drum", drum(), 2500},
           {"refilled hopper", refilled_hopper(), 2500},
           {"spouted bed", spouted_bed(), 1500},
+          {"wet hopper", wet_hopper(), 2500},
+          {"sticky flow", sticky_flow(), 1500},
           {"fluidised bed", fluidised_bed(), 2500},
           {"finely resolved", finely_resolved(), 500},
           {"conveyed", conveyed(), 2500},

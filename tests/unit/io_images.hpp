@@ -59,7 +59,9 @@ inline Image make_image(std::uint64_t n_grains, std::uint64_t step = 120, std::u
   for (std::uint64_t i = 0; i + 1 < n_grains; ++i)
     image.pairs.push_back({3 * i + 1, 3 * i + 4, i % 2, {draw(), -draw(), 1e-300}, draw()});
   for (std::uint64_t i = 0; i < n_grains; i += 2)
-    image.walls.push_back({3 * i + 1, i % 6, {0, 0, 1}, {draw(), 0, -0.0}, draw()});
+    image.walls.push_back({3 * i + 1, i % 6, {0, 0, 1}, {draw(), 0, -0.0}, draw(), {draw(), 0, draw()}, 1.0});
+  for (std::uint64_t i = 0; i + 1 < n_grains; i += 3)
+    image.further.push_back({3 * i + 1, 3 * i + 4, i % 2, {draw(), draw(), -draw()}, 1.0});
   image.accumulators["born"] = {static_cast<double>(n_grains)};
   image.accumulators["probe/wall 50%"] = {draw(), draw(), 0.1};
   image.accumulators["nothing"] = {};
@@ -97,7 +99,7 @@ inline bool is_same(const Image& a, const Image& b) {
   if (!std::equal(a.grids.begin(), a.grids.end(), b.grids.begin(), b.grids.end(),
                   [](const GridArray& x, const GridArray& y) { return is_same(x, y); }))
     return false;
-  return a.pairs == b.pairs && a.walls == b.walls && a.accumulators == b.accumulators;
+  return a.pairs == b.pairs && a.further == b.further && a.walls == b.walls && a.accumulators == b.accumulators;
 }
 
 }  // namespace moraine::testing

@@ -24,6 +24,7 @@ namespace {
 /// What a snapshot keeps of an image: no histories.
 Image grains_only(Image image) {
   image.pairs.clear();
+  image.further.clear();
   image.walls.clear();
   image.accumulators.clear();
   return image;

@@ -20,12 +20,27 @@ namespace moraine::kernels_test {
 inline constexpr int n_species = 6;
 inline constexpr double dt = 1e-5;
 
-inline std::vector<LawChoice> all_choices() {
+/// Combinations with rolling resistance or cohesion. (For them a uniform sweep is the general one.)
+inline std::vector<LawChoice> further_choices() {
   std::vector<LawChoice> all;
+  for (const auto& [normal, tangential] :
+       {std::pair{NormalLaw::linear, TangentialLaw::spring}, std::pair{NormalLaw::hertz, TangentialLaw::mindlin}})
+    for (const RollingLaw rolling : {RollingLaw::none, RollingLaw::constant, RollingLaw::spring})
+      for (const CohesionLaw cohesion :
+           {CohesionLaw::none, CohesionLaw::jkr, CohesionLaw::sjkr, CohesionLaw::linear, CohesionLaw::liquid_bridge})
+        for (int bits = 0; bits < 4; ++bits) {
+          const LawChoice choice{normal, tangential, (bits & 1) != 0, false, (bits & 2) != 0, rolling, cohesion};
+          if (choice.has_further() && is_listed(choice)) all.push_back(choice);
+        }
+  return all;
+}
+
+inline std::vector<LawChoice> all_choices() {
+  std::vector<LawChoice> all = further_choices();
   for (const NormalLaw normal : {NormalLaw::linear, NormalLaw::hertz})
     for (const TangentialLaw tangential : {TangentialLaw::none, TangentialLaw::viscous, TangentialLaw::spring,
                                            TangentialLaw::mindlin, TangentialLaw::power})
-      if (is_listed(normal, tangential))
+      if (is_listed({normal, tangential}))
         for (int bits = 0; bits < 8; ++bits)
           all.push_back({normal, tangential, (bits & 1) != 0, (bits & 2) != 0, (bits & 4) != 0});
   return all;
@@ -34,11 +49,14 @@ inline std::vector<LawChoice> all_choices() {
 inline std::string name_of(const LawChoice& c) {
   static constexpr const char* tangential[] = {"none", "viscous", "spring", "mindlin", "power"};
   return std::string(c.normal == NormalLaw::linear ? "linear" : "hertz") + " " +
-         tangential[static_cast<int>(c.tangential)] + (c.has_rotation ? ", rotation" : "") +
-         (c.is_uniform ? ", uniform" : "") + (c.has_ledger ? ", ledger" : "");
+         tangential[static_cast<int>(c.tangential)] +
+         (c.has_further() ? ", rolling " + std::string(moraine::name_of(c.rolling)) + ", cohesion " +
+                                std::string(moraine::name_of(c.cohesion))
+                          : "") +
+         (c.has_rotation ? ", rotation" : "") + (c.is_uniform ? ", uniform" : "") + (c.has_ledger ? ", ledger" : "");
 }
 
-inline LawTable random_table(shapes::Dice& dice) {
+inline LawTable random_table(shapes::Dice& dice, CohesionLaw cohesion = CohesionLaw::none) {
   LawTable table;
   for (std::size_t row = 0; row < n_species; ++row) {
     PairParameters p;
@@ -51,6 +69,13 @@ inline LawTable random_table(shapes::Dice& dice) {
     p[Parameter::friction] = row == 3 ? 0.0 : dice.uniform(0.1, 1.0);
     p[Parameter::viscosity] = dice.uniform(0.1, 50.0);
     p[Parameter::displacement] = row % 2 ? 0.0 : dice.uniform(1e-6, 1e-4);
+    p[Parameter::rolling_friction] = row == 4 ? 0.0 : dice.uniform(0.05, 0.5);
+    p[Parameter::rolling_stiffness] = row == 5 ? std::exp(dice.uniform(std::log(1e-2), std::log(1.0))) : 0.0;
+    p[Parameter::rolling_damping] = row == 2 ? 0.0 : dice.uniform(0.0, 1.0);
+    constexpr double most[] = {0.0, 30.0, 1e6, 5.0, 2.0};  // J/m2, J/m3, N, N/m
+    p[Parameter::cohesion] = row == 0 ? 0.0 : most[static_cast<int>(cohesion)] * dice.uniform(0.1, 1.0);
+    p[Parameter::cohesion_range] = row == 1 ? 0.0 : std::exp(dice.uniform(std::log(1e-4), std::log(1e-3)));
+    p[Parameter::liquid_volume] = std::pow(p[Parameter::cohesion_range], 3);
     table.set(row, p);
   }
   return table;
@@ -86,19 +111,26 @@ struct Pairs {
   const double* record(std::int32_t i) const {
     return records.data() + std::int64_t{i} * record_size(choice.has_rotation);
   }
-  int columns() const { return memory_columns(choice.has_ledger); }
-  /// Displacement and stored energy of pair k.
-  std::array<double, 4> memory(std::int64_t k) const {
-    std::array<double, 4> row{};
-    for (int c = 0; c < columns(); ++c)
-      row[static_cast<std::size_t>(c)] = history[static_cast<std::size_t>(memory_at(k, c, columns()))];
+  int columns() const { return std::max(memory_of(choice).count(), memory_columns(choice.has_ledger)); }
+  /// Displacement, stored energy, rolling angle and bond of pair k.
+  std::array<double, 8> memory(std::int64_t k) const {
+    std::array<double, 8> row{};
+    each_column([&](std::size_t place, int c) { row[place] = history[at_column(k, c)]; });
     return row;
   }
-  void set_memory(std::int64_t k, const std::array<double, 4>& row) {
-    for (int c = 0; c < columns(); ++c)
-      history[static_cast<std::size_t>(memory_at(k, c, columns()))] = row[static_cast<std::size_t>(c)];
+  void set_memory(std::int64_t k, const std::array<double, 8>& row) {
+    each_column([&](std::size_t place, int c) { history[at_column(k, c)] = row[place]; });
   }
-  int slot_doubles() const { return slot_size(choice.has_rotation, choice.has_ledger); }
+  std::size_t at_column(std::int64_t k, int c) const { return static_cast<std::size_t>(memory_at(k, c, columns())); }
+  /// Calls f(place in a row, column) for what the choice of laws remembers.
+  template <typename Function>
+  void each_column(Function f) const {
+    const MemoryColumns layout = memory_of(choice);
+    for (int c = 0; c < memory_columns(choice.has_ledger); ++c) f(static_cast<std::size_t>(c), c);
+    for (int c = 0; layout.has_rolling && c < 3; ++c) f(static_cast<std::size_t>(4 + c), layout.rolling() + c);
+    if (layout.has_bond) f(7, layout.bond());
+  }
+  int slot_doubles() const { return slot_size(choice.has_rotation, choice.has_ledger, choice.has_further()); }
   Range range() const { return {0, static_cast<std::int64_t>(a.size())}; }
   PairSweep sweep() {
     return {records.data(),
@@ -112,7 +144,16 @@ struct Pairs {
             inverse_mass,
             radius,
             dt,
-            0.5};
+            0.5,
+            choice.rolling,
+            choice.cohesion,
+            largest_range()};
+  }
+  double largest_range() const {
+    double most = 0.0;
+    for (std::size_t row = 0; row < n_species; ++row)
+      most = std::max(most, attraction_range(choice.cohesion, table.at(row), 0.01));
+    return most;
   }
   SweepResult run() { return contact_kernels(choice).pairs(sweep(), range(), slots.data()); }
 };
@@ -127,7 +168,7 @@ inline Pairs random_pairs(const LawChoice& choice, int n, std::uint64_t seed) {
   shapes::Dice dice(seed);
   Pairs pairs;
   pairs.choice = choice;
-  pairs.table = random_table(dice);
+  pairs.table = random_table(dice, choice.cohesion);
   pairs.n = n;
   const auto filled = static_cast<std::size_t>((n + pair_group - 1) / pair_group * pair_group);
   const std::int32_t dummy = 2 * n;
@@ -180,14 +221,15 @@ inline Pairs random_pairs(const LawChoice& choice, int n, std::uint64_t seed) {
     }
     const Vec3 h = tangent(dice, normalized(normal + 0.01 * dice.direction()), random_size(dice));
     const double stored = squared_length(h) > 0.0 ? 1e-6 * dice.uniform(0.0, 1.0) : 0.0;
-    if (has_history(choice)) pairs.set_memory(k, {h.x, h.y, h.z, stored});
+    const Vec3 angle = tangent(dice, normalized(normal + 0.01 * dice.direction()), 1e3 * random_size(dice));
+    const double bond = dice.index(2);
+    if (has_history(choice)) pairs.set_memory(k, {h.x, h.y, h.z, stored, angle.x, angle.y, angle.z, bond});
   }
   return pairs;
 }
 
 /// What the reference makes of pair k, as it is before the sweep.
 struct Expected {
-  bool touches = false;
   ReferenceContact contact;
   ReferenceForce force;
   double normal_scale = 0.0;      // [N] of the terms that add up to the force
@@ -195,7 +237,8 @@ struct Expected {
 };
 
 inline ContactBody body_of(const double* r, bool has_rotation, double arm) {
-  return {{r[4], r[5], r[6]}, has_rotation ? Vec3{r[8], r[9], r[10]} : Vec3{}, r[7], 1.0 / r[3], arm};
+  return {{r[4], r[5], r[6]},        has_rotation ? Vec3{r[8], r[9], r[10]} : Vec3{}, r[7], 1.0 / r[3], arm,
+          has_rotation ? r[11] : 0.0};
 }
 
 inline Expected expected_of(const Pairs& pairs, int k) {
@@ -206,16 +249,15 @@ inline Expected expected_of(const Pairs& pairs, int k) {
   const Vec3 separation = Vec3{a[0] - b[0], a[1] - b[1], a[2] - b[2]} + pairs.shifts[pairs.image[p]];
   const double distance = length(separation);
   expected.contact.overlap = a[3] + b[3] - distance;
-  expected.touches = expected.contact.overlap > 0.0;
-  if (!expected.touches) return expected;
   expected.contact.normal = separation / distance;
   expected.contact.a = body_of(a, pairs.choice.has_rotation, a[3] - 0.5 * expected.contact.overlap);
   expected.contact.b = body_of(b, pairs.choice.has_rotation, b[3] - 0.5 * expected.contact.overlap);
-  const std::array<double, 4> h = pairs.memory(k);
+  const std::array<double, 8> h = pairs.memory(k);
   expected.contact.displacement = {h[0], h[1], h[2]};
   expected.contact.stored = h[3];
-  expected.force = reference_contact(pairs.choice.normal, pairs.choice.tangential, pairs.choice.has_rotation,
-                                     pairs.table.at(pairs.species[p]), expected.contact, dt);
+  expected.contact.angle = {h[4], h[5], h[6]};
+  expected.contact.is_bound = h[7] != 0.0;
+  expected.force = reference_contact(pairs.choice, pairs.table.at(pairs.species[p]), expected.contact, dt);
   return expected;
 }
 

@@ -20,11 +20,22 @@ double force_scale(const LawTable& table, std::size_t species, const LawChoice& 
   const double s = mirror * (c.a.inverse_mass + c.b.inverse_mass);
   const double k = choice.normal == NormalLaw::linear
                        ? p[Parameter::normal_stiffness]
-                       : 2.0 * p[Parameter::young] * std::sqrt(c.overlap / (mirror * (c.a.curvature + c.b.curvature)));
+                       : 2.0 * p[Parameter::young] *
+                             std::sqrt(std::max(c.overlap, 0.0) / (mirror * (c.a.curvature + c.b.curvature)));
   const double v = length(c.a.velocity - c.b.velocity) + c.a.arm * length(c.a.angular_velocity) +
                    c.b.arm * length(c.b.angular_velocity);
   const double distance = 1.0 / c.a.curvature + (c.b.curvature > 0.0 ? 1.0 / c.b.curvature : 0.0);
-  return length(f.force) + k * (c.overlap + 1e-3 * distance) + 2.0 * p[Parameter::damping] * std::sqrt(k / s) * v;
+  const double r = 1.0 / (mirror * (c.a.curvature + c.b.curvature));
+  const double strength = p[Parameter::cohesion];
+  double cohesion = 0.0;  // [N]
+  if (choice.cohesion == CohesionLaw::jkr) cohesion = jkr_pull_off(p, r);
+  if (choice.cohesion == CohesionLaw::sjkr) {
+    cohesion = strength * (7.0 * r * std::max(c.overlap, 0.0) + 1e-2 / (c.a.curvature * c.a.curvature));
+  }
+  if (choice.cohesion == CohesionLaw::linear) cohesion = strength;
+  if (choice.cohesion == CohesionLaw::liquid_bridge) cohesion = 13.0 * strength * r;
+  return length(f.force) + cohesion + k * (std::max(c.overlap, 0.0) + 1e-3 * distance) +
+         2.0 * p[Parameter::damping] * std::sqrt(k / s) * v;
 }
 
 /// Most energy that a tangential spring of the power law can hold [J]: small displacements are told from it by a difference.
@@ -43,18 +54,41 @@ struct Worst {
   double force = 0.0, torque = 0.0, history = 0.0, energy = 0.0;
 };
 
+/// Sum of the sizes of what a rolling torque is made of [N m], and of the energy in it [J].
+struct RollingScale {
+  double torque = 0.0, energy = 0.0;
+};
+RollingScale rolling_scale(const LawTable& table, std::size_t species, const LawChoice& choice,
+                           const ReferenceContact& c, double scale, double mirror) {
+  RollingScale size;
+  if (choice.rolling == RollingLaw::none) return size;
+  const PairParameters p = table.at(species);
+  const double r = 1.0 / (mirror * (c.a.curvature + c.b.curvature));
+  const double spin = mirror * length(c.a.angular_velocity) + length(c.b.angular_velocity);
+  const double limit = p[Parameter::rolling_friction] * r * scale;
+  const double angle = length(c.angle) + dt * spin;
+  const double k_n =
+      choice.normal == NormalLaw::linear ? p[Parameter::normal_stiffness] : 2.0 * p[Parameter::young] * r;
+  const double k_r = rolling_stiffness(p, k_n, r);
+  size.torque = limit + k_r * angle;
+  size.energy = size.torque * (angle + dt * spin);
+  return size;
+}
+
 /// Compares a slot and a row of history with the reference; relative errors are gathered in `worst`.
 void compare(const LawChoice& choice, const double* slot, const double* history, const double* arms,
-             const ReferenceContact& c, const ReferenceForce& f, double scale, double most_energy, double share,
-             Worst& worst) {
+             const ReferenceContact& c, const ReferenceForce& f, double scale, double most_energy,
+             const RollingScale& rolling, double share, Worst& worst) {
   const auto note = [](double& most, double error, double size) {
     most = std::max(most, size > 0.0 ? error / size : error);
   };
   note(worst.force, length(Vec3{slot[0], slot[1], slot[2]} - f.force), scale);
   if (choice.has_rotation) {
     const Vec3 moment{slot[4], slot[5], slot[6]};
-    note(worst.torque, length(-arms[0] * moment - f.torque_a), scale * c.a.arm);
-    if (c.b.arm > 0.0) note(worst.torque, length(-arms[1] * moment - f.torque_b), scale * c.b.arm);
+    const Vec3 torque = choice.has_further() ? Vec3{slot[8], slot[9], slot[10]} : Vec3{};
+    note(worst.torque, length(torque - arms[0] * moment - f.torque_a), scale * c.a.arm + rolling.torque);
+    if (c.b.arm > 0.0)
+      note(worst.torque, length(-torque - arms[1] * moment - f.torque_b), scale * c.b.arm + rolling.torque);
   }
   const bool remembers = has_history(choice);
   const double v = length(c.a.velocity - c.b.velocity) + c.a.arm * length(c.a.angular_velocity) +
@@ -63,9 +97,15 @@ void compare(const LawChoice& choice, const double* slot, const double* history,
     const double size = length(f.displacement) + length(c.displacement) + v * dt;
     note(worst.history, length(Vec3{history[0], history[1], history[2]} - f.displacement), size + scale * 1e-4 / 1e3);
   }
+  if (choice.rolling == RollingLaw::spring) {
+    const double size =
+        length(f.angle) + length(c.angle) + dt * (length(c.a.angular_velocity) + length(c.b.angular_velocity));
+    note(worst.history, length(Vec3{history[4], history[5], history[6]} - f.angle), size);
+  }
+  if (has_bond(choice.cohesion)) note(worst.history, std::abs(history[7] - (f.acts ? 1.0 : 0.0)), 1.0);
   if (choice.has_ledger) {
-    const double* const lost = slot + slot_size(choice.has_rotation, true) - 4;
-    const double size = scale * v * dt + c.stored + f.energy_tangential + most_energy;
+    const double* const lost = slot + slot_size(choice.has_rotation, true, choice.has_further()) - 4;
+    const double size = scale * v * dt + c.stored + f.energy_tangential + most_energy + rolling.energy;
     if (remembers) note(worst.energy, std::abs(history[3] - f.energy_tangential), size);
     note(worst.energy, std::abs(lost[0] - share * f.lost_normal), size + scale * scale * dt * dt * c.a.inverse_mass);
     note(worst.energy, std::abs(lost[1] - share * f.lost_tangential), size);
@@ -81,33 +121,43 @@ TEST_CASE("every compiled pair sweep gives the forces, moments, memory and losse
     Pairs pairs = random_pairs(choice, n_contacts, 11);
     std::vector<Expected> expected;
     for (int k = 0; k < pairs.n; ++k) expected.push_back(expected_of(pairs, k));
-    std::vector<std::array<double, 4>> before;
+    std::vector<std::array<double, 8>> before;
     for (int k = 0; k < pairs.n; ++k) before.push_back(pairs.memory(k));
     const SweepResult result = pairs.run();
     const bool remembers = has_history(choice);
     Worst worst;
-    int n_touching = 0, n_sliding = 0, n_separating = 0;
+    int n_touching = 0, n_sliding = 0, n_separating = 0, n_afar = 0, n_broken = 0;
     for (int k = 0; k < pairs.n; ++k) {
       const Expected& e = expected[static_cast<std::size_t>(k)];
       const double* const slot = pairs.slots.data() + std::int64_t{k} * pairs.slot_doubles();
-      const std::array<double, 4> history = pairs.memory(k);
-      if (!e.touches) {
+      const std::array<double, 8> history = pairs.memory(k);
+      if (!e.force.acts) {
         for (int q = 0; q < pairs.slot_doubles(); ++q) {
           const bool is_friction = choice.has_ledger && remembers && q == pairs.slot_doubles() - 2;
-          REQUIRE(slot[q] == (is_friction ? before[static_cast<std::size_t>(k)][3] : 0.0));
+          const bool is_break = choice.has_ledger && has_bond(choice.cohesion) && q == pairs.slot_doubles() - 4;
+          if (is_break)
+            REQUIRE(slot[q] == Approx(e.force.lost_normal).epsilon(1e-12));
+          else
+            REQUIRE(slot[q] == (is_friction ? before[static_cast<std::size_t>(k)][3] : 0.0));
         }
+        n_broken += e.contact.is_bound;
         if (remembers) REQUIRE(std::all_of(history.begin(), history.end(), [](double x) { return x == 0.0; }));
         continue;
       }
-      ++n_touching;
+      n_touching += e.contact.overlap > 0.0;
+      n_afar += e.contact.overlap < 0.0;
       n_sliding += e.force.slides;
       n_separating += dot(e.contact.a.velocity - e.contact.b.velocity, e.contact.normal) > 0.0;
       const double arms[2] = {slot[3], choice.has_rotation ? slot[7] : 0.0};
       const std::size_t species = pairs.species[static_cast<std::size_t>(k)];
       const double scale = force_scale(pairs.table, species, choice, e.contact, e.force, 1.0);
       compare(choice, slot, history.data(), arms, e.contact, e.force, scale,
-              power_energy(pairs.table, species, choice, e.contact, scale, 1.0), 1.0, worst);
+              power_energy(pairs.table, species, choice, e.contact, scale, 1.0),
+              rolling_scale(pairs.table, species, choice, e.contact, scale, 1.0), 1.0, worst);
     }
+    const bool reaches_beyond = choice.cohesion == CohesionLaw::linear || has_bond(choice.cohesion);
+    CHECK((n_afar > pairs.n / 200) == reaches_beyond);
+    if (has_bond(choice.cohesion)) CHECK(n_broken > pairs.n / 50);
     CHECK(result.n_touching == n_touching);
     CHECK(n_touching > pairs.n / 2);
     CHECK(n_separating > pairs.n / 5);
@@ -155,7 +205,7 @@ TEST_CASE("a pair gives the same bits in any lane and beside any others") {
     for (std::size_t k = 0; k < order.size(); ++k) {
       REQUIRE(same_bits(shuffled.slots.data() + size * k, plain.slots.data() + size * order[k], size));
       REQUIRE(same_bits(shuffled.memory(static_cast<std::int64_t>(k)).data(),
-                        plain.memory(static_cast<std::int64_t>(order[k])).data(), 4));
+                        plain.memory(static_cast<std::int64_t>(order[k])).data(), 8));
     }
   }
 }
@@ -193,7 +243,10 @@ TEST_CASE("sweeps with and without the ledger give the same bits of force, momen
       REQUIRE(same_bits(with.slots.data() + k * with.slot_doubles(), without.slots.data() + k * without.slot_doubles(),
                         static_cast<std::size_t>(without.slot_doubles())));
       const bool remembers = has_history(choice);
-      if (remembers) REQUIRE(same_bits(with.memory(k).data(), without.memory(k).data(), 3));
+      if (remembers) {  // all but the energy
+        REQUIRE(same_bits(with.memory(k).data(), without.memory(k).data(), 3));
+        REQUIRE(same_bits(with.memory(k).data() + 4, without.memory(k).data() + 4, 4));
+      }
     }
   }
 }
@@ -252,23 +305,26 @@ struct Walls {
              species.data(), history.data(), slots.data()},
             &table,
             dt,
-            0.5};
+            0.5,
+            choice.rolling,
+            choice.cohesion};
   }
+  int memory_doubles() const { return wall_memory_size(choice.has_further()); }
   SweepResult run() { return contact_kernels(choice).walls(sweep(), {0, static_cast<std::int64_t>(filled)}); }
-  int slot_doubles() const { return slot_size(choice.has_rotation, choice.has_ledger); }
+  int slot_doubles() const { return slot_size(choice.has_rotation, choice.has_ledger, choice.has_further()); }
 };
 
 Walls random_walls(const LawChoice& choice, int n, std::uint64_t seed) {
   shapes::Dice dice(seed);
   Walls w;
   w.choice = choice;
-  w.table = random_table(dice);
+  w.table = random_table(dice, choice.cohesion);
   w.n = n;
   w.filled = static_cast<std::size_t>((n + pair_group - 1) / pair_group * pair_group);
   w.grain.assign(w.filled, n);
   w.species.assign(w.filled, 0);
   w.columns.resize_discarding(8 * w.filled);
-  w.history.resize_discarding(4 * w.filled);
+  w.history.resize_discarding(static_cast<std::size_t>(w.memory_doubles()) * w.filled);
   w.slots.resize_discarding(w.filled * static_cast<std::size_t>(w.slot_doubles()));
   const int stride = record_size(choice.has_rotation);
   w.records.resize_discarding(static_cast<std::size_t>((n + 1) * stride));
@@ -300,8 +356,19 @@ Walls random_walls(const LawChoice& choice, int n, std::uint64_t seed) {
     const double row[8] = {normal.x, normal.y, normal.z, radius - overlap, wall.x, wall.y, wall.z, mirror};
     for (std::size_t c = 0; c < 8; ++c) w.column(c)[p] = row[c];
     const Vec3 h = tangent(dice, normalized(normal + 0.01 * dice.direction()), random_size(dice));
-    const double memory[4] = {h.x, h.y, h.z, squared_length(h) > 0.0 ? 1e-6 * dice.uniform(0.0, 1.0) : 0.0};
-    if (has_history(choice)) std::copy_n(memory, 4, w.history.data() + 4 * k);
+    const double stored = squared_length(h) > 0.0 ? 1e-6 * dice.uniform(0.0, 1.0) : 0.0;
+    const Vec3 angle = tangent(dice, normalized(normal + 0.01 * dice.direction()), 1e3 * random_size(dice));
+    const bool remembers_angle = choice.rolling == RollingLaw::spring;
+    const double memory[8] = {h.x,
+                              h.y,
+                              h.z,
+                              stored,
+                              remembers_angle ? angle.x : 0.0,
+                              remembers_angle ? angle.y : 0.0,
+                              remembers_angle ? angle.z : 0.0,
+                              has_bond(choice.cohesion) ? static_cast<double>(dice.index(2)) : 0.0};
+    if (has_history(choice))
+      std::copy_n(memory, w.memory_doubles(), w.history.data() + std::int64_t{k} * w.memory_doubles());
   }
   return w;
 }
@@ -322,26 +389,32 @@ TEST_CASE("every compiled wall sweep gives what the reference gives, at walls an
       const double* const r = walls.records.data() + std::int64_t{k} * stride;
       const double distance = walls.column(3)[p], mirror = walls.column(7)[p];
       const double* const slot = walls.slots.data() + std::int64_t{k} * walls.slot_doubles();
-      if (!(distance < r[3])) {
-        for (int q = 0; q < 3; ++q) REQUIRE(slot[q] == 0.0);
-        if (choice.has_rotation)
-          for (int q = 4; q < 7; ++q) REQUIRE(slot[q] == 0.0);
-        continue;
-      }
-      ++n_touching;
       ReferenceContact c;
       c.overlap = mirror * (r[3] - distance);
       c.normal = {walls.column(0)[p], walls.column(1)[p], walls.column(2)[p]};
       c.a = body_of(r, choice.has_rotation, distance);
       c.b.velocity = {walls.column(4)[p], walls.column(5)[p], walls.column(6)[p]};
-      c.displacement = {before[4 * p], before[4 * p + 1], before[4 * p + 2]};
-      c.stored = before[4 * p + 3];
-      const ReferenceForce f = reference_contact(choice.normal, choice.tangential, choice.has_rotation,
-                                                 walls.table.at(walls.species[p]), c, dt, mirror);
+      const double* const memory = before.data() + std::int64_t{k} * walls.memory_doubles();
+      c.displacement = {memory[0], memory[1], memory[2]};
+      c.stored = memory[3];
+      if (choice.has_further()) {
+        c.angle = {memory[4], memory[5], memory[6]};
+        c.is_bound = memory[7] != 0.0;
+      }
+      const ReferenceForce f = reference_contact(choice, walls.table.at(walls.species[p]), c, dt, mirror);
+      if (!f.acts) {
+        for (int q = 0; q < 3; ++q) REQUIRE(slot[q] == 0.0);
+        for (int q = 4; choice.has_rotation && q < (choice.has_further() ? 11 : 7); ++q)
+          if (q != 7) REQUIRE(slot[q] == 0.0);
+        if (choice.has_ledger) REQUIRE(slot[walls.slot_doubles() - 4] == Approx(f.lost_normal / mirror).epsilon(1e-12));
+        continue;
+      }
+      ++n_touching;
       const double arms[2] = {slot[3], 0.0};
       const double scale = force_scale(walls.table, walls.species[p], choice, c, f, mirror);
-      compare(choice, slot, walls.history.data() + 4 * k, arms, c, f, scale,
-              power_energy(walls.table, walls.species[p], choice, c, scale, mirror), 1.0 / mirror, worst);
+      compare(choice, slot, walls.history.data() + std::int64_t{k} * walls.memory_doubles(), arms, c, f, scale,
+              power_energy(walls.table, walls.species[p], choice, c, scale, mirror),
+              rolling_scale(walls.table, walls.species[p], choice, c, scale, mirror), 1.0 / mirror, worst);
     }
     CHECK(n_touching > walls.n / 2);
     CHECK(worst.force < 1e-12);

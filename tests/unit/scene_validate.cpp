@@ -94,13 +94,23 @@ TEST_CASE("a wall's material needs no density, a grain's does") {
 TEST_CASE("exactly the combinations of laws that are compiled are accepted") {
   for (const NormalLaw normal : {NormalLaw::linear, NormalLaw::hertz})
     for (const TangentialLaw tangential : {TangentialLaw::none, TangentialLaw::viscous, TangentialLaw::spring,
-                                           TangentialLaw::mindlin, TangentialLaw::power}) {
-      Scene scene = sound();
-      scene.contact.normal = normal;
-      scene.contact.tangential = tangential;
-      CAPTURE(normal, tangential);
-      CHECK(about(scene, "contact.tangential").empty() == is_listed(normal, tangential));
-    }
+                                           TangentialLaw::mindlin, TangentialLaw::power})
+      for (const RollingLaw rolling : {RollingLaw::none, RollingLaw::constant, RollingLaw::spring})
+        for (const CohesionLaw cohesion :
+             {CohesionLaw::none, CohesionLaw::jkr, CohesionLaw::sjkr, CohesionLaw::linear, CohesionLaw::liquid_bridge})
+          for (const bool rotation : {true, false}) {
+            Scene scene = sound();
+            scene.contact.normal = normal;
+            scene.contact.tangential = tangential;
+            scene.contact.rolling = rolling;
+            scene.contact.cohesion = cohesion;
+            scene.contact.rotation = rotation;
+            CAPTURE(normal, tangential, rolling, cohesion, rotation);
+            const bool is_accepted = about(scene, "contact.tangential").empty() &&
+                                     about(scene, "contact.rolling").empty() &&
+                                     about(scene, "contact.cohesion").empty();
+            CHECK(is_accepted == is_listed({normal, tangential, rotation, false, false, rolling, cohesion}));
+          }
 }
 
 TEST_CASE("a cylinder may be infinitely long, a negative length is refused") {

@@ -56,6 +56,19 @@ HWY_INLINE void store(double* p, Lanes a) { hn::StoreU(a.v, Tag(), p); }
 HWY_INLINE double sum_of(Lanes a) { return hn::GetLane(hn::SumOfLanes(Tag(), a.v)); }
 HWY_INLINE double max_of(Lanes a) { return hn::GetLane(hn::MaxOfLanes(Tag(), a.v)); }
 HWY_INLINE int count(LaneMask m) { return static_cast<int>(hn::CountTrue(Tag(), m.m)); }
+/// Cube root of a positive number, to round-off but not rounded exactly; zero for zero.
+HWY_INLINE Lanes cbrt(Lanes a) {
+  // A third of the bits is a third of the exponent and a start within 6 %; each of Newton's steps squares the error.
+  const hn::Repartition<std::uint64_t, Tag> d;
+  const auto bits = hn::BitCast(d, a.v);
+  auto third = hn::Add(hn::ShiftRight<2>(bits), hn::ShiftRight<4>(bits));  // 1/3 = 1/4 + 1/16 + 1/64 ...
+  third = hn::Add(third, hn::ShiftRight<4>(third));
+  third = hn::Add(third, hn::ShiftRight<8>(third));
+  third = hn::Add(third, hn::ShiftRight<16>(third));
+  Lanes x = hn::BitCast(Tag(), hn::Add(third, hn::Set(d, 0x2A9F789300000000ull)));
+  for (int i = 0; i < 4; ++i) x = (x + x + a / (x * x)) * Lanes(1.0 / 3.0);
+  return keep_if(a > Lanes(0.0), x);
+}
 /// One bit a lane, lane 0 lowest.
 HWY_INLINE unsigned bits(LaneMask m) {
   std::uint8_t bytes[8] = {0};

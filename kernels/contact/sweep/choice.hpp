@@ -6,4 +6,6 @@
 namespace moraine {
 ContactKernels linear_kernels(const LawChoice& choice);
 ContactKernels hertz_kernels(const LawChoice& choice);
+/// Rolling resistance and cohesion.
+ContactKernels further_kernels(const LawChoice& choice);
 }  // namespace moraine

@@ -6,6 +6,7 @@
 #define MORAINE_KERNELS_CONTACT_SWEEPS_INL_HPP
 #endif
 
+#include "kernels/contact/laws/further-inl.hpp"
 #include "kernels/contact/laws/laws-inl.hpp"
 #include "kernels/contact/sweep.hpp"
 
@@ -13,10 +14,10 @@ HWY_BEFORE_NAMESPACE();
 namespace moraine {
 namespace HWY_NAMESPACE {
 
-template <bool has_rotation, bool has_ledger>
+template <bool has_rotation, bool has_ledger, bool has_further>
 HWY_INLINE void clear_slots(double* slots) {
   const Lanes zero(0.0);
-  for (int k = 0; k < slot_size(has_rotation, has_ledger); ++k) store(slots + k * n_lanes, zero);
+  for (int k = 0; k < slot_size(has_rotation, has_ledger, has_further); ++k) store(slots + k * n_lanes, zero);
 }
 
 /// Separation from the periodic image that each lane's pair is about; most groups have none.
@@ -35,12 +36,34 @@ HWY_INLINE Lanes3 add_image_shift(const PairSweep& sweep, std::int64_t k, Lanes3
   return select(shifted, Lanes3{d.x + load(shift[0]), d.y + load(shift[1]), d.z + load(shift[2])}, d);
 }
 
-template <NormalLaw normal, TangentialLaw tangential, bool has_rotation, bool is_uniform, bool has_ledger>
+/// Mobility of rolling about the contact point: of the inertia I + m r^2.
+HWY_INLINE Lanes rolling_mobility(Lanes radius, Lanes inverse_mass, Lanes inverse_inertia) {
+  return inverse_mass * inverse_inertia / fma(inverse_inertia, radius * radius, inverse_mass);
+}
+
+/// Lanes in which there is a force: in contact, or not further apart than the attraction reaches; where a contact must be made
+/// first, only if it was.
+HWY_INLINE LaneMask acting(bool has_bonds, LaneMask touches, LaneMask was_bound, Lanes overlap, const Cohesion& c) {
+  LaneMask near = overlap > -c.range;
+  if (has_bonds) near = near & was_bound;
+  return {hn::Or(touches.m, near.m)};
+}
+
+/// Adds what bonds take along that have broken in this step.
+HWY_INLINE Lanes with_breaks(CohesionLaw law, const Cohesion& c, LaneMask was_bound, LaneMask acts, Lanes lost) {
+  const LaneMask breaks{hn::AndNot(acts.m, was_bound.m)};
+  return any(breaks) ? select(breaks, energy_of_break(law, c), lost) : lost;
+}
+
+template <NormalLaw normal, TangentialLaw tangential, bool has_rotation, bool is_uniform, bool has_ledger,
+          bool has_further = false>
 SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
   constexpr int stride = record_size(has_rotation);
-  constexpr int slot = slot_size(has_rotation, has_ledger);
+  constexpr int slot = slot_size(has_rotation, has_ledger, has_further);
   constexpr bool remembers = has_history(tangential);
-  constexpr int n_columns = memory_columns(has_ledger);
+  const MemoryColumns columns{remembers, has_ledger, has_further && sweep.rolling == RollingLaw::spring,
+                              has_further && has_bond(sweep.cohesion)};
+  const int n_columns = has_further ? columns.count() : memory_columns(has_ledger);
   constexpr bool is_spinning = has_rotation && tangential != TangentialLaw::none;
   const double* const records = sweep.records;
   SweepResult result;
@@ -58,14 +81,28 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
     const auto a_plus = [&](int offset) HWY_ATTR { return [=](int lane) HWY_ATTR { return at_a(lane) + offset; }; };
     const auto b_plus = [&](int offset) HWY_ATTR { return [=](int lane) HWY_ATTR { return at_b(lane) + offset; }; };
 
+    const auto mass_at = [&](const std::int32_t* i) HWY_ATTR {  // one over it
+      alignas(64) double values[n_lanes];
+      for (int lane = 0; lane < n_lanes; ++lane)
+        values[lane] = records[static_cast<std::int64_t>(i[lane]) * stride + 7];
+      return load(values);
+    };
+
     const Lanes4 pa = load_records(at_a), pb = load_records(at_b);
     Lanes3 d = pa.xyz() - pb.xyz();
     if (sweep.image) d = add_image_shift(sweep, k, d);
     const Lanes square = dot(d, d), reach = pa.d + pb.d;
     const LaneMask touches = square < reach * reach;
     double* const history = remembers ? sweep.history + memory_at(k, 0, n_columns) : nullptr;
-    if (none(touches)) {
-      clear_slots<has_rotation, has_ledger>(slots);
+    bool is_empty = none(touches);
+    LaneMask was_bound = touches;
+    if constexpr (has_further) {
+      if (columns.has_bond) was_bound = load(history + columns.bond() * pair_group) > Lanes(0.0);
+      const Lanes widest = reach + Lanes(sweep.range);
+      is_empty = none({hn::Or((square < widest * widest).m, (columns.has_bond ? was_bound : touches).m)});
+    }
+    if (is_empty) {
+      clear_slots<has_rotation, has_ledger, has_further>(slots);
       if constexpr (remembers) {
         if constexpr (has_ledger) {
           // what a spring still held when its contact ended counts as friction
@@ -82,6 +119,17 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
     m.overlap = reach - distance;
     too_deep.m = hn::Or(too_deep.m, (touches & (m.overlap > Lanes(sweep.max_overlap) * min(pa.d, pb.d))).m);
     result.n_touching += count(touches);
+    const RowOf row{sweep.table, !is_uniform && sweep.species ? sweep.species + k : nullptr};
+    Bodies bodies;
+    Cohesion cohesion;
+    LaneMask acts = touches;
+    if constexpr (has_further) {
+      bodies.radius_a = pa.d;
+      bodies.curvature_b = Lanes(1.0) / pb.d;
+      bodies.reduced_radius = pa.d * pb.d / reach;
+      cohesion = make_cohesion(sweep.cohesion, row, bodies);
+      acts = acting(columns.has_bond, touches, was_bound, m.overlap, cohesion);
+    }
 
     const Lanes4 v = load_difference(a_plus(4), b_plus(4));
     m.v_n = dot(v.xyz(), m.normal);
@@ -91,60 +139,81 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
     if constexpr (is_spinning) {
       const Lanes4 wa = load_records(a_plus(8)), wb = load_records(b_plus(8));
       m.v_t = m.v_t - cross(fma(arm_a, wa.xyz(), arm_b * wb.xyz()), m.normal);
+      if constexpr (has_further) {
+        bodies.spin = wa.xyz() - wb.xyz();
+        bodies.spin_mobility = wa.d + wb.d;
+        bodies.rolling_mobility = rolling_mobility(pa.d, mass_at(ia), wa.d) + rolling_mobility(pb.d, mass_at(ib), wb.d);
+      }
     }
     if constexpr (!is_uniform) {
-      const auto mass_at = [&](const std::int32_t* i) HWY_ATTR {
-        alignas(64) double values[n_lanes];
-        for (int lane = 0; lane < n_lanes; ++lane)
-          values[lane] = records[static_cast<std::int64_t>(i[lane]) * stride + 7];
-        return load(values);
-      };
       const Lanes kappa = normal == NormalLaw::hertz ? (pa.d + pb.d) / (pa.d * pb.d) : Lanes(0.0);
-      c = make_constants<normal, tangential, has_rotation>({sweep.table, sweep.species ? sweep.species + k : nullptr},
-                                                           mass_at(ia) + mass_at(ib), kappa, sweep.dt);
+      c = make_constants<normal, tangential, has_rotation>(row, mass_at(ia) + mass_at(ib), kappa, sweep.dt);
     }
     Lanes4 h{};
     if constexpr (remembers)
       h = {load(history), load(history + pair_group), load(history + 2 * pair_group),
            has_ledger ? load(history + 3 * pair_group) : Lanes(0.0)};
-    const ContactForce f = contact_force<normal, tangential, has_ledger>(c, m, h.xyz(), h.d, sweep.dt);
+    ContactForce f;
+    Lanes3 torque;
+    if constexpr (has_further) {
+      double* const angle = history + columns.rolling() * pair_group;
+      Lanes3 before{Lanes(0.0), Lanes(0.0), Lanes(0.0)};
+      if (columns.has_rolling) before = {load(angle), load(angle + pair_group), load(angle + 2 * pair_group)};
+      const FurtherForce further = further_force<normal, tangential, has_rotation, has_ledger>(
+          sweep.cohesion, sweep.rolling, c, cohesion, bodies, row, touches, m, h.xyz(), before, h.d, sweep.dt);
+      f = further.contact;
+      torque = keep_if(acts, further.rolling.torque);
+      if (columns.has_rolling) {
+        const Lanes3 after = keep_if(acts, further.rolling.angle);
+        store(angle, after.x);
+        store(angle + pair_group, after.y);
+        store(angle + 2 * pair_group, after.z);
+      }
+      if (columns.has_bond) store(history + columns.bond() * pair_group, keep_if(acts, Lanes(1.0)));
+    } else {
+      f = contact_force<normal, tangential, has_ledger>(c, m, h.xyz(), h.d, sweep.dt);
+    }
 
     if constexpr (remembers) {
-      const Lanes3 kept = keep_if(touches, f.h);
+      const Lanes3 kept = keep_if(acts, f.h);
       store(history, kept.x);
       store(history + pair_group, kept.y);
       store(history + 2 * pair_group, kept.z);
-      if constexpr (has_ledger) store(history + 3 * pair_group, keep_if(touches, f.energy));
+      if constexpr (has_ledger) store(history + 3 * pair_group, keep_if(acts, f.energy));
     }
-    const Lanes3 force = keep_if(touches, fma(f.normal, m.normal, f.tangential));
+    const Lanes3 force = keep_if(acts, fma(f.normal, m.normal, f.tangential));
     const auto at_slot = [&](int offset)
                              HWY_ATTR { return [=](int lane) HWY_ATTR { return slots + lane * slot + offset; }; };
     if constexpr (has_rotation) {
-      const Lanes3 moment = keep_if(touches, cross(m.normal, f.tangential));
+      const Lanes3 moment = keep_if(acts, cross(m.normal, f.tangential));
       // a grain that has left lies nowhere, and its arm is not a number
-      store_records(at_slot(0), Lanes4{force.x, force.y, force.z, keep_if(touches, arm_a)});
-      store_records(at_slot(4), Lanes4{moment.x, moment.y, moment.z, keep_if(touches, arm_b)});
+      store_records(at_slot(0), Lanes4{force.x, force.y, force.z, keep_if(acts, arm_a)});
+      store_records(at_slot(4), Lanes4{moment.x, moment.y, moment.z, keep_if(acts, arm_b)});
+      if constexpr (has_further) store_records(at_slot(8), Lanes4{torque.x, torque.y, torque.z, Lanes(0.0)});
     } else {
       store_records(at_slot(0), Lanes4{force.x, force.y, force.z, Lanes(0.0)});
     }
     if constexpr (has_ledger) {
       Lanes friction = f.lost_friction;
       if constexpr (remembers)
-        friction = select(touches, friction, h.d);
+        friction = select(acts, friction, h.d);
       else
-        friction = keep_if(touches, friction);
-      store_records(at_slot(slot - 4),
-                    Lanes4{keep_if(touches, f.lost_normal), keep_if(touches, f.lost_tangential), friction, Lanes(0.0)});
+        friction = keep_if(acts, friction);
+      Lanes lost_normal = keep_if(acts, f.lost_normal);
+      if constexpr (has_further)
+        if (columns.has_bond) lost_normal = with_breaks(sweep.cohesion, cohesion, was_bound, acts, lost_normal);
+      store_records(at_slot(slot - 4), Lanes4{lost_normal, keep_if(acts, f.lost_tangential), friction, Lanes(0.0)});
     }
   }
   result.has_large_overlap = any(too_deep);
   return result;
 }
 
-template <NormalLaw normal, TangentialLaw tangential, bool has_rotation, bool has_ledger>
+template <NormalLaw normal, TangentialLaw tangential, bool has_rotation, bool has_ledger, bool has_further = false>
 SweepResult sweep_walls(const WallSweep& sweep, Range touches_range) {
   constexpr int stride = record_size(has_rotation);
-  constexpr int slot = slot_size(has_rotation, has_ledger);
+  constexpr int slot = slot_size(has_rotation, has_ledger, has_further);
+  constexpr int n_memory = wall_memory_size(has_further);
   constexpr bool remembers = has_history(tangential);
   constexpr bool is_spinning = has_rotation && tangential != TangentialLaw::none;
   const WallTouches& t = sweep.touches;
@@ -170,26 +239,59 @@ SweepResult sweep_walls(const WallSweep& sweep, Range touches_range) {
     // The arm ends at the wall; a mirror image has the same arm, its friction is zero.
     const Lanes arm = distance;
     m.v_t = fnma(v_n, m.normal, v);
-    if constexpr (is_spinning) m.v_t = m.v_t - cross(arm * load_records(a_plus(8)).xyz(), m.normal);
-    const Constants c = make_constants<normal, tangential, has_rotation>({sweep.table, t.species + k}, mirror * v4.d,
-                                                                         mirror / p.d, sweep.dt);
-    double* const history = t.history + 4 * k;
-    const auto at_history = [&](int lane) HWY_ATTR { return history + 4 * lane; };
+    Lanes4 spin{};
+    if constexpr (is_spinning) {
+      spin = load_records(a_plus(8));
+      m.v_t = m.v_t - cross(arm * spin.xyz(), m.normal);
+    }
+    const RowOf row{sweep.table, t.species + k};
+    const Constants c = make_constants<normal, tangential, has_rotation>(row, mirror * v4.d, mirror / p.d, sweep.dt);
+    double* const history = t.history + n_memory * k;
+    const auto at_history = [&](int lane) HWY_ATTR { return history + n_memory * lane; };
     Lanes4 h{};
     if constexpr (remembers) h = load_records(at_history);
-    const ContactForce f = contact_force<normal, tangential, has_ledger>(c, m, h.xyz(), h.d, sweep.dt);
+    ContactForce f;
+    Lanes3 torque;
+    Cohesion cohesion;
+    LaneMask acts = touches, was_bound = touches;
+    if constexpr (has_further) {
+      const auto at_angle = [&](int lane) HWY_ATTR { return history + n_memory * lane + 4; };
+      const Lanes4 memory = load_records(at_angle);  // rolling angle, bond
+      was_bound = memory.d > Lanes(0.0);
+      Bodies bodies;
+      bodies.radius_a = p.d;
+      bodies.curvature_b = (mirror - Lanes(1.0)) / p.d;
+      bodies.reduced_radius = p.d / mirror;
+      if constexpr (has_rotation) {  // the image spins the other way round
+        bodies.spin = mirror * spin.xyz();
+        bodies.spin_mobility = mirror * spin.d;
+        bodies.rolling_mobility = mirror * rolling_mobility(p.d, v4.d, spin.d);
+      }
+      cohesion = make_cohesion(sweep.cohesion, row, bodies);
+      acts = acting(has_bond(sweep.cohesion), touches, was_bound, m.overlap, cohesion);
+      const FurtherForce further = further_force<normal, tangential, has_rotation, has_ledger>(
+          sweep.cohesion, sweep.rolling, c, cohesion, bodies, row, touches, m, h.xyz(), memory.xyz(), h.d, sweep.dt);
+      f = further.contact;
+      torque = keep_if(acts, further.rolling.torque);
+      const Lanes3 angle = keep_if(acts, further.rolling.angle);
+      const Lanes bond = has_bond(sweep.cohesion) ? keep_if(acts, Lanes(1.0)) : Lanes(0.0);
+      store_records(at_angle, Lanes4{angle.x, angle.y, angle.z, bond});
+    } else {
+      f = contact_force<normal, tangential, has_ledger>(c, m, h.xyz(), h.d, sweep.dt);
+    }
     if constexpr (remembers) {
-      const Lanes3 kept = keep_if(touches, f.h);
-      store_records(at_history, Lanes4{kept.x, kept.y, kept.z, has_ledger ? keep_if(touches, f.energy) : Lanes(0.0)});
+      const Lanes3 kept = keep_if(acts, f.h);
+      store_records(at_history, Lanes4{kept.x, kept.y, kept.z, has_ledger ? keep_if(acts, f.energy) : Lanes(0.0)});
     }
     double* const slots = t.slots + slot * k;
     const auto at_slot = [&](int offset)
                              HWY_ATTR { return [=](int lane) HWY_ATTR { return slots + lane * slot + offset; }; };
-    const Lanes3 force = keep_if(touches, fma(f.normal, m.normal, f.tangential));
+    const Lanes3 force = keep_if(acts, fma(f.normal, m.normal, f.tangential));
     if constexpr (has_rotation) {
-      const Lanes3 moment = keep_if(touches, cross(m.normal, f.tangential));
+      const Lanes3 moment = keep_if(acts, cross(m.normal, f.tangential));
       store_records(at_slot(0), Lanes4{force.x, force.y, force.z, arm});
       store_records(at_slot(4), Lanes4{moment.x, moment.y, moment.z, Lanes(0.0)});
+      if constexpr (has_further) store_records(at_slot(8), Lanes4{torque.x, torque.y, torque.z, Lanes(0.0)});
     } else {
       store_records(at_slot(0), Lanes4{force.x, force.y, force.z, Lanes(0.0)});
     }
@@ -198,12 +300,14 @@ SweepResult sweep_walls(const WallSweep& sweep, Range touches_range) {
       const Lanes share = Lanes(1.0) / mirror;
       Lanes friction = f.lost_friction;
       if constexpr (remembers)
-        friction = select(touches, friction, h.d);
+        friction = select(acts, friction, h.d);
       else
-        friction = keep_if(touches, friction);
-      store_records(at_slot(slot - 4),
-                    Lanes4{keep_if(touches, share * f.lost_normal), keep_if(touches, share * f.lost_tangential),
-                           share * friction, Lanes(0.0)});
+        friction = keep_if(acts, friction);
+      Lanes lost_normal = keep_if(acts, f.lost_normal);
+      if constexpr (has_further)
+        if (has_bond(sweep.cohesion)) lost_normal = with_breaks(sweep.cohesion, cohesion, was_bound, acts, lost_normal);
+      store_records(at_slot(slot - 4), Lanes4{share * lost_normal, keep_if(acts, share * f.lost_tangential),
+                                              share * friction, Lanes(0.0)});
     }
   }
   result.has_large_overlap = any(too_deep);
