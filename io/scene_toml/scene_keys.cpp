@@ -191,19 +191,6 @@ Key<T> tables(const char* name, std::vector<Inner> T::*member, const KeyTable<In
           [&inner](const std::string& section, std::vector<KeyDoc>& docs) { inner.describe(section, docs); }};
 }
 
-/// A key that has its place but does nothing yet: whoever sets it learns so, instead of getting a run without it.
-template <class T>
-Key<T> planned(const char* name, const char* meaning) {
-  return {{"", name, "planned", "", "none", fmt::format("{} (not available yet in this version)", meaning)},
-          [](Reader& reader, const At& at, T&) {
-            const Node& node = at.node;
-            const bool is_none = (node.kind == Node::Kind::text && (node.text == "none" || node.text.empty())) ||
-                                 (node.kind == Node::Kind::boolean && !node.boolean) ||
-                                 (node.kind == Node::Kind::list && node.items.empty());
-            if (!is_none) reader.complain(at, "not available yet in this version; leave it out");
-          }};
-}
-
 // ---- sections
 // --------------------------------------------------------------------------------------------------------------
 
