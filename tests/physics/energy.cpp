@@ -66,13 +66,13 @@ Drift drift_of(int n, double steps_per_contact, double time, int samples, int th
   drift.spread = std::sqrt(drift.spread);
   drift.slope = fit_slope(x, y);
   drift.last = y.back();
-  const double n = static_cast<double>(samples - 1);
+  const double n_steps = static_cast<double>(samples - 1);
   double squares = 0.0;
   for (std::size_t i = 1; i < y.size(); ++i) {
-    drift.mean_step += (y[i] - y[i - 1]) / n;
+    drift.mean_step += (y[i] - y[i - 1]) / n_steps;
     squares += (y[i] - y[i - 1]) * (y[i] - y[i - 1]);
   }
-  drift.error_of_mean = std::sqrt((squares / n - drift.mean_step * drift.mean_step) / n);
+  drift.error_of_mean = std::sqrt((squares / n_steps - drift.mean_step * drift.mean_step) / n_steps);
   return drift;
 }
 
