@@ -107,9 +107,12 @@ void compare(const LawChoice& choice, const double* slot, const double* history,
     const double* const lost = slot + slot_size(choice.has_rotation, true, choice.has_further()) - 4;
     const double size = scale * v * dt + c.stored + f.energy_tangential + most_energy + rolling.energy;
     if (remembers) note(worst.energy, std::abs(history[3] - f.energy_tangential), size);
-    note(worst.energy, std::abs(lost[0] - share * f.lost_normal), size + scale * scale * dt * dt * c.a.inverse_mass);
-    note(worst.energy, std::abs(lost[1] - share * f.lost_tangential), size);
-    note(worst.energy, std::abs(lost[2] - share * f.lost_friction), size);
+    // dashpots take the velocity in the middle of the kick
+    const double kick = scale * scale * dt * dt * (c.a.inverse_mass + c.b.inverse_mass);
+    for (int k = 0; k < 3; ++k) {
+      const double expected[3] = {f.lost_normal, f.lost_tangential, f.lost_friction};
+      note(worst.energy, std::abs(lost[k] - share * expected[k]), size + kick);
+    }
   }
 }
 

@@ -41,6 +41,7 @@ HWY_INLINE Lanes operator-(Lanes a) { return hn::Neg(a.v); }
 HWY_INLINE Lanes fma(Lanes a, Lanes b, Lanes c) { return hn::MulAdd(a.v, b.v, c.v); }
 /// c - a b, rounded once.
 HWY_INLINE Lanes fnma(Lanes a, Lanes b, Lanes c) { return hn::NegMulAdd(a.v, b.v, c.v); }
+HWY_INLINE Lanes abs(Lanes a) { return hn::Abs(a.v); }
 HWY_INLINE Lanes sqrt(Lanes a) { return hn::Sqrt(a.v); }
 HWY_INLINE Lanes max(Lanes a, Lanes b) { return hn::Max(a.v, b.v); }
 HWY_INLINE Lanes min(Lanes a, Lanes b) { return hn::Min(a.v, b.v); }

@@ -10,10 +10,10 @@
 // if the reduced mass were 1/s - gamma dt/2, so that the restitution would be wrong by the order of dt. The dashpot is therefore
 // made for that mass: gamma = 2 beta sqrt(k (1/s - gamma dt/2)), which is
 //   gamma = b (sqrt(4/s + b^2 dt^2) - b dt),   b = beta sqrt(k),
-// so that this error is gone, for any damping (gamma dt/2 < 1/s). What remains comes from the step in which a contact begins,
-// where a dashpot sets in at once: first order, and different from impact to impact. A contact at rest is left
-// alone: its overlap is F/k. The viscous tangential law has no rest to keep; its force is taken at the velocity in the middle of
-// the kick, F = -gamma (v + dt/2 s_t F), stable for any viscosity; s_t = 7/2 s for spheres that rotate (1/m + r^2/I).
+// so that this error is gone, for any damping (gamma dt/2 < 1/s). A contact at rest is left alone: its overlap is F/k. What a
+// dashpot does where a contact begins and ends between two steps: Onset, in laws-inl.hpp. The viscous tangential law has no rest to
+// keep; its force is taken at the velocity in the middle of the kick, F = -gamma (v + dt/2 s_t F), stable for any viscosity;
+// s_t = 7/2 s for spheres that rotate (1/m + r^2/I).
 #if defined(MORAINE_KERNELS_CONTACT_COEFFICIENTS_INL_HPP) == defined(HWY_TARGET_TOGGLE)
 #ifdef MORAINE_KERNELS_CONTACT_COEFFICIENTS_INL_HPP
 #undef MORAINE_KERNELS_CONTACT_COEFFICIENTS_INL_HPP
@@ -33,7 +33,8 @@ struct Constants {
   Lanes s;  // inverse reduced mass [1/kg]
   Lanes mu;
   Lanes k_n, g_n;      // linear: k_n, gamma_n. Hertz: 4/3 E*, b / sqrt(a)
-  Lanes k_t, g_t;      // linear: k_t, gamma_t. Mindlin: 8 G*, gamma_t / sqrt(a). Viscous: gamma_t with its half step
+  Lanes k_t, g_t;      // linear: k_t, gamma_t. Mindlin: 8 G*, gamma_t / sqrt(a). Viscous: -, gamma_t
+  Lanes half_kick;     // dt/2 s_t
   Lanes four_masses;   // Hertz: 4/s
   Lanes root_radius;   // Hertz: sqrt(R*)
   Lanes displacement;  // power: delta_max, or 0
@@ -79,10 +80,8 @@ HWY_INLINE Constants make_constants(RowOf row, Lanes s, Lanes kappa, double dt) 
       c.g_t = row(Parameter::tangential_damping) * damping * sqrt(c.four_masses * c.k_t);
     }
   }
-  if constexpr (tangential == TangentialLaw::viscous) {
-    const Lanes g_t = row(Parameter::viscosity), s_t = has_rotation ? Lanes(3.5) * s : s;
-    c.g_t = g_t / fma(g_t * s_t, Lanes(0.5 * dt), one);
-  }
+  c.half_kick = Lanes(0.5 * dt) * (has_rotation ? Lanes(3.5) * s : s);
+  if constexpr (tangential == TangentialLaw::viscous) c.g_t = row(Parameter::viscosity);
   if constexpr (tangential == TangentialLaw::power) c.displacement = row(Parameter::displacement);
   return c;
 }

@@ -202,6 +202,7 @@ HWY_INLINE FurtherForce further_force(CohesionLaw cohesion, RollingLaw rolling, 
   FurtherForce out{};
   ContactForce& f = out.contact;
   const Lanes zero(0.0);
+  const Onset whole{Lanes(1.0), Lanes(1.0), Lanes(dt)};  // what attracts does not begin at no overlap
   NormalForce n;
   Lanes pressing;  // what Coulomb's limit takes
   if (normal == NormalLaw::hertz && cohesion == CohesionLaw::jkr) {
@@ -211,9 +212,9 @@ HWY_INLINE FurtherForce further_force(CohesionLaw cohesion, RollingLaw rolling, 
     Motion in_contact = m;
     in_contact.overlap = keep_if(touches, m.overlap);
     if constexpr (normal == NormalLaw::linear)
-      n = linear_normal(c, in_contact);
+      n = linear_normal(c, in_contact, whole);
     else
-      n = hertz_normal(c, in_contact, dt);
+      n = hertz_normal(c, in_contact, whole, dt);
     n.dashpot = keep_if(touches, n.dashpot);
     pressing = keep_if(touches, n.total);
     n.total = pressing - attraction(cohesion, w, bodies, m.overlap);
@@ -223,7 +224,7 @@ HWY_INLINE FurtherForce further_force(CohesionLaw cohesion, RollingLaw rolling, 
 
   constexpr bool scales = normal == NormalLaw::hertz;
   const Lanes k_t = scales ? c.k_t * n.a : c.k_t, g_t = scales ? c.g_t * n.root_a : c.g_t;
-  const TangentialForce t = spring(c, m, pressing, h, dt, k_t, g_t);
+  const TangentialForce t = spring(c, m, pressing, h, whole.time, k_t, g_t);
   f.tangential = t.force;
   f.h = t.h;
 
@@ -248,12 +249,11 @@ HWY_INLINE FurtherForce further_force(CohesionLaw cohesion, RollingLaw rolling, 
   }
   if constexpr (has_ledger) {
     // As in contact_force, the two springs together: what is missing went to their dashpots while they stick, or else to friction.
-    Lanes3 pull = -Lanes(1.0) * t.force;
-    pull = fma(Lanes(0.5) * k_t, h - t.h, pull);
-    const Lanes work = Lanes(dt) * dot(pull, m.v_t);
+    const Lanes3 after = k_t * t.h, twice = fma(k_t, h, after), middle = fma(c.half_kick, t.force, m.v_t);
+    const Lanes work = fnma(Lanes(dt), dot(t.force + after, middle), Lanes(0.5 * dt) * dot(twice, m.v_t));
     f.energy = fma(Lanes(0.5) * k_t, dot(t.h, t.h), r.energy);
     const Lanes lost = work + r.work + (stored - f.energy);
-    const Lanes dashpot = Lanes(dt) * g_t * dot(m.v_t, m.v_t);
+    const Lanes dashpot = Lanes(dt) * g_t * dot(m.v_t, middle);
     f.lost_tangential = select(t.slides, r.lost_dashpot, select(r.yields, dashpot, lost));
     f.lost_friction = lost - f.lost_tangential;
   }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace moraine {
@@ -23,6 +24,15 @@ struct Stiffness {
 double dashpot(double beta, double k, double s, double dt) {
   const double b = beta * std::sqrt(k);
   return std::sqrt(b * b * b * b * dt * dt + 4.0 * b * b / s) - b * b * dt;
+}
+
+/// The share of a step for which a dashpot acts on a contact that began, or ends, q steps from the positions; it grows
+/// with that power of the overlap. The first two positions share what has to be damped up to half a step after the second.
+double onset(double q, double power) {
+  if (!(q < 2.0)) return 1.0;
+  const auto damped = [power](double steps) { return std::pow(steps, power + 1.0) / (power + 1.0); };
+  if (q < 1.0) return damped(1.5) * q / std::pow(q, power);
+  return (damped(q + 0.5) - damped(1.5) * (q - 1.0)) / std::pow(q, power);
 }
 
 Stiffness linear(TangentialLaw law, const PairParameters& p, double overlap, double s, double dt) {
@@ -277,6 +287,15 @@ ReferenceForce reference_contact(const LawChoice& laws, const PairParameters& p,
   if (has_rotation && tangential != TangentialLaw::none)
     v_t -= cross(c.a.arm * c.a.angular_velocity + c.b.arm * c.b.angular_velocity, n);
 
+  // Between two steps it began, or will end; one that attracts begins and ends otherwise, and is damped for whole steps.
+  const bool is_further = laws.cohesion != CohesionLaw::none || laws.rolling != RollingLaw::none;
+  const double q = is_further ? std::numeric_limits<double>::infinity() : c.overlap / (std::abs(v_n) * dt);
+  const double time = v_n < 0.0 ? std::min(q, 1.0) * dt : dt;
+  const bool is_hertz = laws.normal == NormalLaw::hertz;
+  k.normal_dashpot *= onset(q, is_hertz ? 0.25 : 0.0);
+  const bool has_growing = is_hertz && (tangential == TangentialLaw::mindlin || tangential == TangentialLaw::power);
+  k.tangential_dashpot *= onset(q, has_growing ? 0.25 : 0.0);
+
   const double f_rep = k.normal_force - k.normal_dashpot * v_n, f_n = f_rep - k.attraction;
   const double pressing = f_rep + 2.0 * k.pull_off;
   out.energy_normal = k.normal_energy;
@@ -284,7 +303,7 @@ ReferenceForce reference_contact(const LawChoice& laws, const PairParameters& p,
 
   const double mu = tangential == TangentialLaw::none ? 0.0 : p[Parameter::friction];
   const double limit = mu * std::max(pressing, 0.0);
-  Vec3 h = c.displacement + dt * v_t;
+  Vec3 h = c.displacement + time * v_t;
   h -= dot(h, n) * n;
   Vec3 f_t;
   bool slides = false;
@@ -296,15 +315,19 @@ ReferenceForce reference_contact(const LawChoice& laws, const PairParameters& p,
       h = {};
       f_t = -k.tangential_dashpot / (1.0 + 0.5 * dt * s_t * k.tangential_dashpot) * v_t;
       slides = cap(limit, f_t, scale);
-      work = -dt * dot(f_t, v_t);
+      work = -dt * dot(f_t, v_t + 0.5 * dt * s_t * f_t);
       break;
     case TangentialLaw::spring:
     case TangentialLaw::mindlin:
       f_t = -(k.tangential * h + k.tangential_dashpot * v_t);
+      if (const double pull = length(f_t); pull > limit) {
+        const Vec3 along = -f_t / pull;  // the way that the spring is stretched
+        h = std::max(limit - k.tangential_dashpot * dot(v_t, along), 0.0) / k.tangential * along;
+      }
       slides = cap(limit, f_t, scale);
-      h = scale * h;
       out.energy_tangential = 0.5 * k.tangential * squared_length(h);
-      work = dt * dot(0.5 * k.tangential * (c.displacement - h) - f_t, v_t);
+      work = -dt * dot(f_t + k.tangential * h, v_t + 0.5 * dt * s_t * f_t) +
+             0.5 * time * k.tangential * dot(c.displacement + h, v_t);
       break;
     case TangentialLaw::power: {
       const double pull = mu * std::max(k.normal_force, 0.0);
@@ -314,9 +337,14 @@ ReferenceForce reference_contact(const LawChoice& laws, const PairParameters& p,
       if (size > delta_max) h = (delta_max / size) * h;
       const double x = delta_max > 0.0 ? std::min(size / delta_max, 1.0) : 1.0;
       f_t = -k.tangential_dashpot * v_t;
-      if (size > 0.0 && delta_max > 0.0) f_t -= pull * (1.0 - std::pow(1.0 - x, 1.5)) / std::min(size, delta_max) * h;
+      const auto spring = [&](const Vec3& d) {
+        const double stretch = length(d);
+        if (!(stretch > 0.0) || !(delta_max > 0.0)) return Vec3{};
+        return pull * (1.0 - std::pow(1.0 - std::min(stretch / delta_max, 1.0), 1.5)) / stretch * d;
+      };
+      f_t -= spring(h);
       slides = cap(limit, f_t, scale) || size > delta_max;
-      work = -dt * dot(f_t, v_t);
+      work = -dt * dot(f_t + spring(h), v_t + 0.5 * dt * s_t * f_t) + 0.5 * time * dot(spring(c.displacement) + spring(h), v_t);
       out.energy_tangential = pull * delta_max * (x - 0.4 * (1.0 - std::pow(1.0 - x, 2.5)));
       break;
     }
@@ -327,7 +355,7 @@ ReferenceForce reference_contact(const LawChoice& laws, const PairParameters& p,
   out.angle = rolling.angle;
   out.energy_tangential += rolling.energy;
   const double lost = tangential == TangentialLaw::none ? 0.0 : work + rolling.work + c.stored - out.energy_tangential;
-  const double dashpot_of_slide = dt * k.tangential_dashpot * squared_length(v_t);
+  const double dashpot_of_slide = dt * k.tangential_dashpot * dot(v_t, v_t + 0.5 * dt * s_t * f_t);
   out.lost_tangential = slides ? rolling.lost_dashpot : rolling.yields ? dashpot_of_slide : lost;
   out.lost_friction = lost - out.lost_tangential;
   out.slides = slides;
