@@ -9,6 +9,7 @@
 #include "engine/contacts/law_table.hpp"
 #include "engine/particles/fill.hpp"
 #include "engine/particles/sizes.hpp"
+#include "engine/run/one_contact.hpp"
 #include "engine/scene/lists.hpp"
 #include "kernels/base/sphere.hpp"
 #include "kernels/contact/sweep.hpp"
@@ -65,23 +66,6 @@ double contact_time(const Scene& scene, const PairParameters& p, double mass, do
   return std::min(normal, tangential);
 }
 
-double mean_diameter(const Scene& scene) {
-  double sum = 0.0, count = 0.0;
-  for (const ParticleGroup& group : scene.particles) {
-    if (const auto* listed = std::get_if<ListedGrains>(&group.fill); listed && listed->has_radius) {
-      const ListFacts facts = facts_of(*listed);
-      sum += facts.sum_of_diameters;
-      count += static_cast<double>(facts.n_grains);
-    } else {
-      const DiameterSampler sampler(group.diameter);
-      constexpr int n = 64;
-      for (int i = 0; i < n; ++i) sum += sampler((i + 0.5) / n) / n;
-      count += 1.0;
-    }
-  }
-  return count > 0.0 ? sum / count : 0.0;
-}
-
 /// Bytes a grain: record, gid, material, place at the last rebuild, pairs with memory and entries, scratch of a rebuild.
 double bytes_per_grain(const Scene& scene) {
   const bool remembers = has_history(scene.contact.tangential);
@@ -106,6 +90,10 @@ void describe(const Scene& scene, Plan& plan) {
       plan.left_out);
   const bool remembers = has_history(scene.contact.tangential);
   say(plan.chosen, remembers, "contact history", "contact history (the tangential law needs none)", plan.left_out);
+  say(plan.chosen, !are_grains_alike(scene), "species (grains of several sizes or materials)",
+      "species (all grains are alike: contacts need not look up what they are)", plan.left_out);
+  say(plan.chosen, scene.contact.tangential != TangentialLaw::none, "friction", "friction (no tangential law)",
+      plan.left_out);
   const bool has_periodic = scene.domain.periodic[0] || scene.domain.periodic[1] || scene.domain.periodic[2];
   say(plan.chosen, has_periodic, "periodic images", "periodic images", plan.left_out);
   say(plan.chosen, !scene.walls.empty(),
@@ -123,6 +111,36 @@ void describe(const Scene& scene, Plan& plan) {
 
 }  // namespace
 
+bool are_grains_alike(const Scene& scene) {
+  Sizes all;
+  int n_materials = 0;
+  for (const Material& material : scene.materials) {
+    const Sizes sizes = sizes_of(scene, material.name);
+    if (!(sizes.largest > 0.0)) continue;
+    ++n_materials;
+    all.smallest = std::min(all.smallest, sizes.smallest);
+    all.largest = std::max(all.largest, sizes.largest);
+  }
+  return n_materials == 1 && all.smallest == all.largest;
+}
+
+double mean_diameter(const Scene& scene) {
+  double sum = 0.0, count = 0.0;
+  for (const ParticleGroup& group : scene.particles) {
+    if (const auto* listed = std::get_if<ListedGrains>(&group.fill); listed && listed->has_radius) {
+      const ListFacts facts = facts_of(*listed);
+      sum += facts.sum_of_diameters;
+      count += static_cast<double>(facts.n_grains);
+    } else {
+      const DiameterSampler sampler(group.diameter);
+      constexpr int n = 64;
+      for (int i = 0; i < n; ++i) sum += sampler((i + 0.5) / n) / n;
+      count += 1.0;
+    }
+  }
+  return count > 0.0 ? sum / count : 0.0;
+}
+
 double expected_speed(const Scene& scene) {
   if (scene.time.max_speed > 0.0) return scene.time.max_speed;
   double speed = 0.0;
@@ -138,49 +156,63 @@ double expected_speed(const Scene& scene) {
   return speed > 0.0 ? speed : 1.0;
 }
 
+namespace {
+
+/// A Rayleigh wave crosses the surface of the smallest grain, of each material with a Young's modulus; a fifth of that is
+/// what quasi-static Hertz contacts need, whose stiffness is that of their load and not of an impact (Thornton & Randall
+/// 1988; Li, Xu & Thornton 2005).
+void limit_by_rayleigh(const Scene& scene, StepChoice& choice) {
+  constexpr double share = 0.2;
+  for (const Material& material : scene.materials) {
+    const Sizes sizes = sizes_of(scene, material.name);
+    if (!(sizes.largest > 0.0) || !(material.young > 0.0)) continue;
+    const double shear = material.young / (2.0 * (1.0 + material.poisson));
+    const double time = std::numbers::pi * 0.5 * sizes.smallest * std::sqrt(material.density / shear) /
+                        (0.1631 * material.poisson + 0.8766);
+    choice.limits.push_back({fmt::format("{:g} of the Rayleigh time of {} (d {:.4g} m), {:.4g} s", share, material.name,
+                                         sizes.smallest, time),
+                             share * time});
+  }
+}
+
+double smallest_radius(const Scene& scene) {
+  double smallest = infinity;
+  for (const Material& material : scene.materials)
+    smallest = std::min(smallest, 0.5 * sizes_of(scene, material.name).smallest);
+  return smallest;
+}
+
+}  // namespace
+
 StepChoice choose_time_step(const Scene& scene) {
   StepChoice choice;
   choice.contact_time = infinity;
-  const double speed = expected_speed(scene);
-  std::vector<std::pair<std::string, Sizes>> grains;
-  for (const Material& material : scene.materials)
-    if (const Sizes sizes = sizes_of(scene, material.name); sizes.largest > 0.0)
-      grains.emplace_back(material.name, sizes);
-  const auto density = [&](const std::string& name) {
-    return scene.materials[static_cast<std::size_t>(scene.material_index(name))].density;
-  };
-  const auto mass = [&](const std::string& name, double d) { return density(name) * sphere_volume(0.5 * d); };
-  const auto consider = [&](const PairParameters& p, double reduced_mass, double reduced_radius,
-                            const std::string& words) {
-    const double time = contact_time(scene, p, reduced_mass, reduced_radius, speed);
+  choice.speed = expected_speed(scene);
+  for (const ContactCase& bodies : contact_cases(scene)) {
+    const double time =
+        contact_time(scene, bodies.parameters, bodies.reduced_mass(), bodies.reduced_radius(), choice.speed);
     if (time < choice.contact_time) {
       choice.contact_time = time;
-      choice.limit = words;
-    }
-  };
-  for (const auto& [a, sa] : grains) {
-    const double da = sa.smallest, ma = mass(a, da);
-    for (const auto& [b, sb] : grains) {
-      const double db = sb.smallest, mb = mass(b, db);
-      consider(pair_parameters(scene, a, b), ma * mb / (ma + mb), 0.5 * da * db / (da + db),
-               fmt::format("{} (d {:.4g} m) with {} (d {:.4g} m)", a, da, b, db));
-    }
-    for (const WallDefinition& wall : scene.walls) {
-      if (wall.symmetry) {
-        consider(pair_parameters(scene, a, a), 0.5 * ma, 0.25 * da,
-                 fmt::format("{} (d {:.4g} m) with its mirror image", a, da));
-      } else {
-        consider(pair_parameters(scene, a, wall.material), ma, 0.5 * da,
-                 fmt::format("{} (d {:.4g} m) with wall \"{}\" ({})", a, da, wall.name, wall.material));
-      }
+      choice.limit = bodies.words;
     }
   }
-  if (choice.contact_time == infinity) {  // no grains: anything will do
+  const bool has_grains = choice.contact_time < infinity;
+  if (!has_grains) {  // anything will do
     choice.contact_time = scene.gas ? choose_gas_step(scene) * scene.time.steps_per_contact : scene.time.end;
     choice.limit = scene.gas ? "the gas (there are no grains)" : "nothing (there are no grains)";
   }
-  if (scene.contact.normal == NormalLaw::hertz) choice.limit += fmt::format(" at {:.3g} m/s", speed);
-  choice.automatic = choice.contact_time / scene.time.steps_per_contact;
+  if (scene.contact.normal == NormalLaw::hertz) choice.limit += fmt::format(" at {:.3g} m/s", choice.speed);
+  choice.limits.push_back({choice.limit, choice.contact_time / scene.time.steps_per_contact});
+  if (has_grains) {
+    if (scene.contact.normal == NormalLaw::hertz) limit_by_rayleigh(scene, choice);
+    choice.limits.push_back(
+        {fmt::format("{:g} of the smallest radius travelled at {:.3g} m/s", foreseen_travel, choice.speed),
+         foreseen_travel * smallest_radius(scene) / choice.speed});
+    if (scene.gas) choice.limits.push_back({"the gas step, which is a whole number of them", choose_gas_step(scene)});
+  }
+  std::stable_sort(choice.limits.begin(), choice.limits.end(),
+                   [](const StepLimit& a, const StepLimit& b) { return a.step < b.step; });
+  choice.automatic = choice.limits.front().step;
   choice.step = scene.time.step.value_or(choice.automatic);
   choice.steps_per_contact = choice.contact_time / choice.step;
   return choice;

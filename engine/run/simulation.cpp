@@ -20,6 +20,7 @@
 #include "engine/run/image_rows.hpp"
 #include "engine/run/probes.hpp"
 #include "engine/run/state_hash.hpp"
+#include "engine/run/step_watch.hpp"
 #include "engine/scene/checks.hpp"
 #include "engine/scene/lists.hpp"
 #include "engine/threads.hpp"
@@ -122,6 +123,7 @@ struct Simulation::Parts {
   double next_wall_change = 0.0;  // [s]
   std::uint64_t n_rebuilds = 0, steps_since_rebuild = 0;
   StepResult result;
+  StepWatch watch;
 
   // Several ranks: when they look next at how far all have come, and what they divide.
   World world;
@@ -183,6 +185,7 @@ struct Simulation::Parts {
 void Simulation::Parts::make_contacts() {
   kind = kind_of(world, particles);
   contacts.emplace(scene, walls, kind, world);
+  watch = StepWatch(scene, plan.time_step, kind.smallest_radius);
   skin = plan.skin;
   choose_skin();
   if (!world.is_alone()) cut({});
@@ -324,8 +327,10 @@ double Simulation::Parts::speed_gain() const {
 bool Simulation::Parts::look() {
   ++n_looks;
   travelled = largest_travel();
-  std::array<double, 4> most = {travelled, result.max_speed, is_stop_wanted ? 1.0 : 0.0, largest_push()};
+  std::array<double, 5> most = {travelled, result.max_speed, is_stop_wanted ? 1.0 : 0.0, largest_push(),
+                                watch.fastest()};
   world.max(most);
+  watch.see(most[4], time());
   is_stop_agreed = most[2] > 0.0;
   const double left = 0.95 * (allowed_travel() - most[0]);
   if (!(left > 0.0)) return true;
@@ -480,6 +485,7 @@ void Simulation::Parts::cross_faces() {
 
 void Simulation::Parts::guard() {
   stopwatch.start(Phase::guard);
+  watch.see(result.max_speed, time());
   if (result.is_any_not_finite) throw RunError(explain_not_finite(guard_view()));
   if (result.has_large_overlap) throw RunError(explain_overlap(guard_view()));
   if (result.max_speed * dt > max_travel * kind.smallest_radius) {
@@ -662,6 +668,17 @@ void Simulation::step() {
   p.cross_faces();
   p.tick();
 }
+
+std::size_t Simulation::n_known_warnings() const { return parts_->watch.n_warnings(); }
+
+std::vector<std::string> Simulation::step_warnings() const {
+  double fastest = parts_->watch.fastest();
+  parts_->world.max(std::span(&fastest, 1));
+  parts_->watch.see(fastest, parts_->time());
+  return parts_->watch.warnings();
+}
+
+std::vector<std::string> Simulation::known_warnings() const { return parts_->watch.warnings(); }
 
 std::optional<GasTotals> Simulation::gas_totals() const {
   if (!parts_->gas) return std::nullopt;

@@ -87,6 +87,11 @@ class Simulation {
   std::uint64_t n_cuts() const;        // how often space has been divided
   /// What the gas has done in this process, same on all ranks; nothing in a scene without gas.
   std::optional<GasTotals> gas_totals() const;
+  /// What the run does that its time step was not chosen for, in words with numbers. All ranks, same on all.
+  std::vector<std::string> step_warnings() const;
+  /// How many of them this rank knows: of several, what they have found until they last looked.
+  std::size_t n_known_warnings() const;
+  std::vector<std::string> known_warnings() const;
   /// Where the time of this rank went since the start.
   std::vector<PhaseTime> phases() const;
 

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "engine/particles/fill.hpp"
+#include "engine/run/one_contact.hpp"
 #include "engine/run/simulation.hpp"
 #include "engine/walls/walls.hpp"
 #include "io/cli/gas_text.hpp"
@@ -120,13 +121,27 @@ std::string list_rows(const std::string& name, const std::vector<std::string>& t
   return rows;
 }
 
+/// What the step makes of an impact, tried out with the scene's own law.
+std::string step_error_rows(const Scene& scene, const StepChoice& choice) {
+  const ImpactError error = impact_error(scene, choice.step);
+  const std::string at = fmt::format(" at {:.3g} m/s", choice.speed);
+  return row("step error",
+             fmt::format("restitution {:.4g} +- {:.2g}: {}{}", error.exact, error.restitution, error.pair, at)) +
+         row("", fmt::format("energy of an impact without losses +- {:.2g} of it: {}{}", error.energy,
+                             error.energy_pair, at));
+}
+
 std::string time_rows(const Scene& scene, const Plan& plan) {
   const StepChoice& choice = plan.time_step;
   std::string rows = row("time step", fmt::format("{:.6g} s{}, {:.3g} steps in the shortest contact ({:.4g} s)",
                                                   choice.step, scene.time.step ? " (given)" : " (chosen)",
                                                   choice.steps_per_contact, choice.contact_time));
-  rows += row("", "limited by " + choice.limit);
+  rows += row("", "the shortest is " + choice.limit);
   if (scene.time.step) rows += row("", fmt::format("\"auto\" would choose {:.6g} s", choice.automatic));
+  rows += row("", "limited by " + choice.limits.front().words);
+  for (std::size_t i = 1; i < choice.limits.size(); ++i)
+    rows += row("", fmt::format("  {:.4g} s would be allowed by {}", choice.limits[i].step, choice.limits[i].words));
+  if (plan.n_grains > 0) rows += step_error_rows(scene, choice);
   return rows + row("time", fmt::format("{:.6g} s in {}", scene.time.end, counted(plan.n_steps, "step")));
 }
 

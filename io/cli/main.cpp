@@ -21,7 +21,9 @@
 #include "io/cli/failure.hpp"
 #include "io/cli/file_commands.hpp"
 #include "io/cli/layout.hpp"
+#include "io/cli/pareto_command.hpp"
 #include "io/cli/project_command.hpp"
+#include "io/cli/report_command.hpp"
 #include "io/cli/run_command.hpp"
 #include "io/cli/scale_command.hpp"
 #include "io/cli/submit_command.hpp"
@@ -186,6 +188,38 @@ void add_scale(CLI::App& app, Command& chosen, Log& log, const std::string& prog
       ->allow_extra_args(false)
       ->take_all();
   command->callback([&chosen, &log, request] { chosen = [&log, request] { return scale_scene(*request, log); }; });
+}
+
+void add_pareto(CLI::App& app, Command& chosen, Log& log, const std::string& program) {
+  auto* command = app.add_subcommand(
+      "pareto",
+      "speed against error: runs a scene with other time steps, skins, precisions, gas steps ..., and recommends one");
+  auto request = std::make_shared<ParetoRequest>();
+  request->program = program;
+  add_scene_options(*command, request->scene_file, request->overrides, request->layout);
+  command
+      ->add_option("--repeats", request->repeats,
+                   "runs of each setting with other seeds (default: 3 where statistics are compared, else 1)")
+      ->check(at_least(1));
+  command->add_flag("--product", request->is_product,
+                    "also every time step with every precision and variant, not only one change at a time");
+  command->add_option("--out", request->out,
+                      "directory for the results (default: runs/pareto-NAME); runs that it holds are not run again");
+  command->callback([&chosen, &log, request] { chosen = [&log, request] { return pareto_scene(*request, log); }; });
+}
+
+void add_report(CLI::App& app, Command& chosen) {
+  auto* command =
+      app.add_subcommand("report", "a run or a sweep as one page: plots, tables, machine, version, command (HTML)");
+  auto request = std::make_shared<ReportRequest>();
+  command->add_option("DIR", request->directory, "directory of a run, or of moraine scale or pareto")->required();
+  command->add_option("--out", request->out, "file (default: DIR/report.html)");
+  command->callback([&chosen, request] {
+    chosen = [request] {
+      print(write_report(*request));
+      return exit_code::good;
+    };
+  });
 }
 
 void add_submit(CLI::App& app, Command& chosen, Log& log, const std::filesystem::path& program) {
@@ -388,7 +422,9 @@ int run_program(int argc, char** argv, const World& world) {
   add_run(app, chosen, world, log, own_command_line(argc, argv));
   add_check(app, chosen);
   add_scale(app, chosen, log, own_command_line(argc, argv).front());
+  add_pareto(app, chosen, log, own_command_line(argc, argv).front());
   add_project(app, chosen);
+  add_report(app, chosen);
   add_submit(app, chosen, log, own_command_line(argc, argv).front());
   add_info(app, chosen);
   add_compare(app, chosen);
@@ -410,7 +446,7 @@ int run_program(int argc, char** argv, const World& world) {
     const int code = world.is_root() ? app.exit(error) : app.exit(error, nowhere, nowhere);
     return code == 0 ? exit_code::good : exit_code::bad_input;
   }
-  const bool is_run = app.got_subcommand("run") || app.got_subcommand("scale");
+  const bool is_run = app.got_subcommand("run") || app.got_subcommand("scale") || app.got_subcommand("pareto");
   return carry_out(chosen, is_run, world);
 }
 

@@ -288,8 +288,16 @@ class RunLoop {
     times_.world.parcels += world_.times().parcels - before.parcels;
     times_.particle_steps += static_cast<double>(simulation_.n_grains());
     ++times_.n_steps;
+    say_news();
     if (outputs_) outputs_->write_due(simulation_);
     if (times_.n_warm_up < request_.warm_up && times_.n_steps == request_.warm_up) end_warm_up();
+  }
+
+  /// Each warning of the run, as it comes up.
+  void say_news() {
+    if (simulation_.n_known_warnings() == n_said_) return;
+    const std::vector<std::string> warnings = simulation_.known_warnings();
+    while (n_said_ < warnings.size()) log_.warn(warnings[n_said_++]);
   }
 
   /// From here on it counts.
@@ -394,6 +402,7 @@ class RunLoop {
   RunTimes times_;
   RunMark mark_;
   double outputs_before_ = 0.0;  // [s] of output in the warm-up
+  std::size_t n_said_ = 0;       // of the run's warnings
   bool is_new_ = true;
   std::optional<fs::path> resume_from_;
 };

@@ -16,6 +16,7 @@
 #include "io/cli/interrupt.hpp"
 #include "io/cli/launch.hpp"
 #include "io/cli/network_file.hpp"
+#include "io/cli/programs.hpp"
 #include "io/cli/progress.hpp"
 #include "io/cli/run_command.hpp"
 #include "io/cli/run_directory.hpp"
@@ -100,18 +101,11 @@ SweepIdentity identity_of(const ScaleRequest& request) {
           *request.warm_up};
 }
 
-/// The last lines of a file; empty where it cannot be read.
-std::string tail(const fs::path& file, std::size_t n_lines) {
-  std::string text;
-  try {
-    text = read_file(file);
-  } catch (const StorageError&) {
-    return {};
-  }
-  while (!text.empty() && text.back() == '\n') text.pop_back();
-  std::size_t from = text.size();
-  for (std::size_t i = 0; i < n_lines && from != std::string::npos && from > 0; ++i) from = text.rfind('\n', from - 1);
-  return from == std::string::npos || from == 0 ? text : text.substr(from + 1);
+std::string command_text(const ScaleRequest& request) {
+  std::string text = "moraine scale " + shell_quoted(request.scene_file.string()) + " --" + word_for(request.kind);
+  for (const std::string& change : request.overrides) text += " --set " + shell_quoted(change);
+  if (request.layouts) text += " --layouts " + *request.layouts;
+  return text + fmt::format(" --steps {} --warm-up {} --repeats {}", *request.steps, *request.warm_up, request.repeats);
 }
 
 /// A run of the sweep that did not come to its end.
@@ -144,7 +138,7 @@ class Sweep {
     const InterruptGuard guard;
     while (!missing_.empty() && InterruptGuard::signal() == 0) {
       const SweepRun run = missing_.front();
-      directory_.clear(run);
+      directory_.clear(run.name());
       if (!carry_out(run)) break;
       missing_.erase(missing_.begin());
     }
@@ -169,7 +163,7 @@ class Sweep {
   bool carry_out(const SweepRun& run) {
     const WallClock clock;
     say_progress(run, 0.0);
-    const ChildEnd end = run_child(words_of(run), ".", directory_.talk_file(run), [&] {
+    const ChildEnd end = run_child(words_of(run), ".", directory_.talk_file(run.name()), [&] {
       if (log_.is_terminal()) say_progress(run, clock.seconds());
     });
     if (InterruptGuard::signal() != 0) return false;
@@ -186,7 +180,7 @@ class Sweep {
                                       "--layout",
                                       run.layout.text(),
                                       "--out",
-                                      directory_.run_directory(run).string(),
+                                      directory_.run_directory(run.name()).string(),
                                       "--steps",
                                       std::to_string(*request_.steps),
                                       "--warm-up",
@@ -203,7 +197,7 @@ class Sweep {
                             : end.code != 0 ? fmt::format("ended with exit code {}", end.code)
                                             : "ended without the summary of so many steps";
     return fmt::format("run {} {}; the last that it said, in {}:\n{}", run.name(), how,
-                       directory_.talk_file(run).string(), tail(directory_.talk_file(run), 8));
+                       directory_.talk_file(run.name()).string(), last_words(directory_.talk_file(run.name()), 8));
   }
 
   /// `since`: [s] that the run has taken so far.
@@ -262,11 +256,17 @@ void add_projection(const ScaleRequest& request, ScaleResults& results, Log& log
 
 int report(const ScaleRequest& request, const Sweep& sweep, const fs::path& directory, Log& log) {
   const RunSummary& any = sweep.any_run();
-  ScaleResults results{request.kind,    request.scene_file.string(),
-                       any.title,       any.version,
-                       any.commit,      this_machine(),
-                       *request.steps,  *request.warm_up,
-                       sweep.results(), {}};
+  ScaleResults results{request.kind,
+                       request.scene_file.string(),
+                       any.title,
+                       any.version,
+                       any.commit,
+                       this_machine(),
+                       *request.steps,
+                       *request.warm_up,
+                       sweep.results(),
+                       {},
+                       command_text(request)};
   add_projection(request, results, log);
   log.say(scale_table(results) + write_scale_report(results, directory));
   const std::string fault = hash_fault(results);

@@ -8,8 +8,8 @@
 #include <set>
 
 #include "io/checkpoint/durable_file.hpp"
-#include "io/cli/child.hpp"
-#include "io/cli/programs.hpp"
+#include "io/cli/report_text.hpp"
+#include "io/cli/table_file.hpp"
 #include "io/cli/text.hpp"
 
 namespace moraine {
@@ -22,24 +22,9 @@ namespace {
 constexpr double worth_a_row = 0.005;           // share of a phase on some layout
 constexpr std::size_t layouts_in_a_table = 10;  // of phases: those that fit beside each other
 
-std::string percent(double share) { return fmt::format("{:.1f} %", 100.0 * share); }
 std::string whole(double value) { return count_text(static_cast<std::uint64_t>(std::llround(value))); }
 std::string seconds_text(double seconds) {
   return seconds < 0.01 ? fmt::format("{:.3g}", seconds) : fmt::format("{:.3f}", seconds);
-}
-
-/// Right-aligned columns as wide as their widest entry, two spaces apart; the first is left-aligned.
-std::string aligned(const std::vector<std::vector<std::string>>& rows) {
-  std::vector<std::size_t> widths(rows[0].size());
-  for (const auto& row : rows)
-    for (std::size_t i = 0; i < row.size(); ++i) widths[i] = std::max(widths[i], row[i].size());
-  std::string text;
-  for (const auto& row : rows) {
-    std::string line = fmt::format("{:<{}}", row[0], widths[0]);
-    for (std::size_t i = 1; i < row.size(); ++i) line += fmt::format("  {:>{}}", row[i], widths[i]);
-    text += line.substr(0, line.find_last_not_of(' ') + 1) + '\n';
-  }
-  return text;
 }
 
 std::string layout_table(const ScaleResults& results) {
@@ -49,16 +34,16 @@ std::string layout_table(const ScaleResults& results) {
   for (const LayoutResult& r : results.layouts)
     rows.push_back({r.layout.text(), std::to_string(r.layout.total()), whole(r.n_grains), seconds_text(r.median) + " s",
                     seconds_text(r.least) + " s", fmt::format("{:.2f}", 1e-6 * r.speed),
-                    fmt::format("{:.2f}", r.speed_up), percent(r.efficiency), percent(r.waiting),
+                    fmt::format("{:.2f}", r.speed_up), percent_text(r.efficiency), percent_text(r.waiting),
                     fmt::format("{:.3f}", r.work_imbalance), whole(r.n_ghosts), fmt::format("{:.4g}", r.n_messages),
                     bytes_text(r.n_bytes)});
   for (const ProjectedResult& p : results.projected)
     rows.push_back({"projected", std::to_string(p.ranks), count_text(static_cast<std::uint64_t>(p.n_grains)),
                     seconds_text(p.step * static_cast<double>(results.steps)) + " s", "",
                     fmt::format("{:.2f}", 1e-6 * static_cast<double>(p.n_grains) / p.step),
-                    fmt::format("{:.2f}", p.speed_up), percent(p.efficiency), percent(p.waiting),
+                    fmt::format("{:.2f}", p.speed_up), percent_text(p.efficiency), percent_text(p.waiting),
                     fmt::format("{:.3f}", p.imbalance), "", "", ""});
-  return aligned(rows);
+  return aligned_table(rows);
 }
 
 /// The phases that take some time on some layout, in the order of a step.
@@ -99,7 +84,7 @@ std::string phase_table(const ScaleResults& results) {
     };
     add_inside("of these: reductions", &LayoutResult::reductions);
     add_inside("of these: migration, new ghosts", &LayoutResult::parcels);
-    text += '\n' + aligned(rows);
+    text += '\n' + aligned_table(rows);
   }
   return text;
 }
@@ -122,7 +107,7 @@ std::string pinning_text(const ScaleResults& results) {
 std::string best_text(const ScaleResults& results) {
   const auto line = [&](const std::string& title, const LayoutResult& r) {
     return fmt::format("{}: {}, {:.2f} M particle-steps/s, speed-up {:.2f}, efficiency {}\n", title, r.layout.text(),
-                       1e-6 * r.speed, r.speed_up, percent(r.efficiency));
+                       1e-6 * r.speed, r.speed_up, percent_text(r.efficiency));
   };
   std::set<long long> counts;
   for (const LayoutResult& result : results.layouts) counts.insert(result.layout.total());
@@ -197,17 +182,6 @@ Json json_of(const ProjectedResult& p) {
           {"waiting_share", p.waiting}};
 }
 
-std::string number_text(double value) { return fmt::format("{}", value); }
-
-std::string csv_line(const std::vector<std::string>& values) {
-  std::string line;
-  for (const std::string& value : values) {
-    if (&value != &values.front()) line += ',';
-    line += value.find(',') == std::string::npos ? value : '"' + value + '"';
-  }
-  return line + '\n';
-}
-
 /// Points of one kind of layout, for gnuplot.
 std::string data_block(const std::string& name, const ScaleResults& results, bool (*belongs)(const Layout&)) {
   std::string text = '$' + name + " << EOD\n";
@@ -215,12 +189,6 @@ std::string data_block(const std::string& name, const ScaleResults& results, boo
     if (belongs(r.layout))
       text += fmt::format("{} {} {} {}\n", r.layout.total(), r.speed_up, 100.0 * r.efficiency, r.layout.text());
   return text + "EOD\n";
-}
-
-std::string quoted_gnuplot(const std::string& text) {
-  std::string quoted = "'";
-  for (const char c : text) quoted += c == '\'' ? std::string("''") : std::string(1, c == '\n' ? ' ' : c);
-  return quoted + '\'';
 }
 
 struct Series {
@@ -367,6 +335,7 @@ std::string scale_json(const ScaleResults& results) {
   Json json = {{"kind", word_for(results.kind)},
                {"scene", {{"file", results.scene_file}, {"title", results.title}}},
                {"program", {{"version", results.version}, {"commit", results.commit}}},
+               {"command", results.command},
                {"machine", results.machine},
                {"steps", results.steps},
                {"warm_up_steps", results.warm_up},
@@ -419,15 +388,7 @@ std::string write_scale_report(const ScaleResults& results, const fs::path& dire
   write_file(directory / "scale.json", scale_json(results));
   write_file(directory / "scale.gnuplot", scale_gnuplot(results));
   const std::string tables = (directory / "scale.csv").string() + ", scale.json";
-  const std::optional<fs::path> gnuplot = find_program({"gnuplot"});
-  if (!gnuplot)
-    return fmt::format("results: {}; for the plot: apt-get install gnuplot-nox, then the same command again", tables);
-  const fs::path talk = directory / "gnuplot.txt";
-  const ChildEnd end = run_child({fs::absolute(*gnuplot).string(), "scale.gnuplot"}, directory, talk);
-  if (!end.is_good()) return fmt::format("results: {}; gnuplot failed, and says why in {}", tables, talk.string());
-  std::error_code ignored;
-  fs::remove(talk, ignored);
-  return fmt::format("results: {}, plot: scale.svg, scale.png", tables);
+  return fmt::format("results: {}; {}", tables, draw_plot(directory, "scale"));
 }
 
 }  // namespace moraine

@@ -53,6 +53,7 @@ struct ScaleResults {
   std::uint64_t steps = 0, warm_up = 0;
   std::vector<LayoutResult> layouts;  // by cores, then ranks
   std::vector<ProjectedResult> projected;
+  std::string command;
 };
 
 /// One layout from its runs (at least one); without speed-up and efficiency.

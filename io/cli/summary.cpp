@@ -187,6 +187,7 @@ RunSummary summary_of(const Json& json) {
   json.at("looks").get_to(run.n_looks);
   json.at("cuts").get_to(run.n_cuts);
   json.at("state_hash").get_to(run.hash);
+  if (const auto warnings = json.find("warnings"); warnings != json.end()) warnings->get_to(run.warnings);
   if (const auto gas = json.find("gas"); gas != json.end()) run.gas = gas_of(*gas);
   for (const Json& phase : json.at("phases")) run.phases.push_back(phase.at("name"));
   for (const Json& rank : json.at("ranks")) {
@@ -304,6 +305,7 @@ RunSummary summarize(const Simulation& simulation, const RunTimes& times, const 
   run.n_born = simulation.n_born();
   run.n_grains = simulation.n_grains();
   run.n_left = simulation.n_left();
+  run.warnings = simulation.step_warnings();
   run.gas = simulation.gas_totals();
   run.n_rebuilds = simulation.n_rebuilds() - mark.n_rebuilds;
   run.n_looks = simulation.n_looks() - mark.n_looks;
@@ -319,6 +321,7 @@ std::string summary_text(const RunSummary& run) {
   if (run.speed() > 0.0) text += fmt::format("speed: {:.2f} M particle-steps/s\n", 1e-6 * run.speed());
   text += fmt::format("grains: {} born, {} inside, {} left\n", run.n_born, run.n_grains, run.n_left);
   if (run.gas) text += gas_text(*run.gas);
+  for (const std::string& warning : run.warnings) text += "warning: " + warning + '\n';
   const double held = run.over_ranks([](const RankSummary& rank) { return rank.memory; }).sum;
   const double peak = run.over_ranks([](const RankSummary& rank) { return rank.peak_memory; }).sum;
   text += fmt::format("memory: {} in grains, pairs and contacts{}; peak memory: {}", bytes_text(held),
@@ -349,6 +352,7 @@ std::string summary_json(const RunSummary& run) {
                {"cuts", run.n_cuts},
                {"phases", phases_json(run)},
                {"state_hash", run.hash}});
+  if (!run.warnings.empty()) json["warnings"] = run.warnings;
   if (run.gas) json["gas"] = json_of(*run.gas);
   for (const RankSummary& rank : run.ranks) json["ranks"].push_back(json_of(rank));
   // Names of files need not be UTF-8.

@@ -78,7 +78,7 @@ std::vector<SweepRun> runs_by_turns(const std::vector<Layout>& layouts, int repe
 std::string changes_between(const SweepIdentity& before, const SweepIdentity& now) {
   std::string text;
   const auto say = [&](const std::string& change) { text += (text.empty() ? "" : ", ") + change; };
-  if (before.kind != now.kind) say("the kind of scaling");
+  if (before.kind != now.kind) say(fmt::format("the kind of sweep ({}, now {})", before.kind, now.kind));
   if (before.scene != now.scene) say("the scene");
   if (before.files != now.files) say("a file that the scene names");
   if (before.program != now.program) say("the program");
@@ -143,23 +143,41 @@ SweepDirectory::SweepDirectory(const fs::path& path, const SweepIdentity& identi
   write_file(file, identity_json(identity));
 }
 
-std::optional<RunSummary> SweepDirectory::find(const SweepRun& run) const {
-  const fs::path file = run_directory(run) / "summary.json";
+std::optional<RunSummary> SweepDirectory::find(const std::string& name) const {
+  const fs::path file = run_directory(name) / "summary.json";
   if (!fs::exists(file)) return std::nullopt;
   try {
     RunSummary summary = read_summary(file);
-    const bool is_done = summary.signal == 0 && summary.layout == run.layout.text() &&
-                         summary.n_steps == identity_.steps && summary.n_warm_up == identity_.warm_up;
-    return is_done ? std::optional(std::move(summary)) : std::nullopt;
+    return summary.signal == 0 ? std::optional(std::move(summary)) : std::nullopt;
   } catch (const StorageError&) {
     return std::nullopt;
   }
 }
 
-void SweepDirectory::clear(const SweepRun& run) const {
+std::optional<RunSummary> SweepDirectory::find(const SweepRun& run) const {
+  std::optional<RunSummary> summary = find(run.name());
+  const bool is_done = summary && summary->layout == run.layout.text() && summary->n_steps == identity_.steps &&
+                       summary->n_warm_up == identity_.warm_up;
+  return is_done ? summary : std::nullopt;
+}
+
+void SweepDirectory::clear(const std::string& name) const {
   std::error_code error;
-  fs::remove_all(run_directory(run), error);
-  if (error) throw StorageError(run_directory(run), "cannot be removed: " + explain_errno(error.value()));
+  fs::remove_all(run_directory(name), error);
+  if (error) throw StorageError(run_directory(name), "cannot be removed: " + explain_errno(error.value()));
+}
+
+std::string last_words(const fs::path& talk_file, std::size_t n_lines) {
+  std::string text;
+  try {
+    text = read_file(talk_file);
+  } catch (const StorageError&) {
+    return {};
+  }
+  while (!text.empty() && text.back() == '\n') text.pop_back();
+  std::size_t from = text.size();
+  for (std::size_t i = 0; i < n_lines && from != std::string::npos && from > 0; ++i) from = text.rfind('\n', from - 1);
+  return from == std::string::npos || from == 0 ? text : text.substr(from + 1);
 }
 
 void SweepClock::add(const Layout& layout, const RunSummary& run) {

@@ -1,4 +1,5 @@
-// A scaling sweep: which runs it has, which of them are done, and what it is of.
+// A sweep, over layouts (moraine scale) or over what speed costs in accuracy (moraine pareto): which runs it has, which of them are
+// done, and what it is of.
 //
 //   sweep.json           what the sweep is of: it goes on only where that is still the same
 //   runs/2x1-3/          the third run on layout 2x1, a run directory; done where its summary.json says so
@@ -65,18 +66,25 @@ class SweepDirectory {
   /// What was found: that an old sweep was set aside, and why. Empty where there was none.
   const std::string& remark() const { return remark_; }
   const std::filesystem::path& path() const { return path_; }
-  std::filesystem::path run_directory(const SweepRun& run) const { return path_ / "runs" / run.name(); }
-  std::filesystem::path talk_file(const SweepRun& run) const { return path_ / "runs" / (run.name() + ".txt"); }
-  /// The account of a run that is done; nothing where it is not.
+  /// Where a run has its directory, what it said, and what it was asked for.
+  std::filesystem::path run_directory(const std::string& name) const { return path_ / "runs" / name; }
+  std::filesystem::path talk_file(const std::string& name) const { return path_ / "runs" / (name + ".txt"); }
+  std::filesystem::path request_file(const std::string& name) const { return path_ / "runs" / (name + ".request"); }
+  /// The account of a run that has ended by itself; nothing where it has not.
+  std::optional<RunSummary> find(const std::string& name) const;
+  /// The same of a run of a scaling sweep, where it has taken the steps of this one.
   std::optional<RunSummary> find(const SweepRun& run) const;
   /// Takes away what an interrupted run has left. Throws StorageError.
-  void clear(const SweepRun& run) const;
+  void clear(const std::string& name) const;
 
  private:
   std::filesystem::path path_;
   SweepIdentity identity_;
   std::string remark_;
 };
+
+/// The last lines that a run said, from its talk file; empty where it cannot be read.
+std::string last_words(const std::filesystem::path& talk_file, std::size_t n_lines);
 
 /// How long the runs that are left will take, judged by those that are done.
 class SweepClock {

@@ -755,6 +755,70 @@ const KeyTable<ScaleDraft>& scale_keys() {
   return keys;
 }
 
+/// A list of numbers that must all be at least, or above, `least`.
+Key<ParetoTable> numbers_key(const char* name, std::vector<double> ParetoTable::*member, About about, double least,
+                             bool may_be_least, const char* preset) {
+  return {{"", name, "list of numbers", about.unit, preset, about.meaning},
+          [member, unit = about.unit, least, may_be_least](Reader& reader, const At& at, ParetoTable& out) {
+            if (!reader.read(at, unit, out.*member)) return;
+            for (const double number : out.*member)
+              if (!(number > least || (may_be_least && number == least)))
+                reader.complain(at, fmt::format("expected numbers {} {:g}, found {:g}", may_be_least ? "from" : "above",
+                                                least, number));
+          }};
+}
+
+/// One number, checked in the same way.
+template <class V>
+Key<ParetoTable> number_key(const char* name, V ParetoTable::*member, About about, double least, bool may_be_least,
+                            const char* preset) {
+  return {{"", name, "number", about.unit, preset, about.meaning},
+          [member, unit = about.unit, least, may_be_least](Reader& reader, const At& at, ParetoTable& out) {
+            double number = 0.0;
+            if (!reader.read(at, unit, number)) return;
+            if (!(number > least || (may_be_least && number == least)))
+              reader.complain(at, fmt::format("expected a number {} {:g}", may_be_least ? "from" : "above", least));
+            out.*member = number;
+          }};
+}
+
+constexpr double least_steps_per_contact = 2.0;  // with fewer no contact is seen at all
+
+const KeyTable<ParetoTable>& pareto_keys() {
+  using Table = ParetoTable;
+  static const KeyTable<ParetoVariant> variant{{
+      value("name", &ParetoVariant::name, {"", "name in tables and plots"}, required_key),
+      value("set", &ParetoVariant::set, {"", "changes of the scene, each \"key=value\" as for --set"}, required_key),
+  }};
+  static const KeyTable<Table> keys{{
+      number_key("end", &Table::end, {"s", "time to which each run goes"}, 0.0, false, "time.end"),
+      number_key("from", &Table::from, {"s", "averages of the statistics begin here"}, 0.0, true, "0"),
+      value("statistics", &Table::statistics,
+            {"",
+             "for chaotic scenes: columns of probes, each \"probe.column\", whose averages over time are compared, "
+             "with confidence intervals from runs with other seeds"}),
+      value("values", &Table::values,
+            {"",
+             "for scenes that are not chaotic: columns of probes that are compared row by row, besides the paths of "
+             "all grains"}),
+      numbers_key("steps_per_contact", &Table::steps_per_contact,
+                  {"-", "time steps that are tried, as steps in the shortest contact"}, least_steps_per_contact, true,
+                  "[10, 20, 50, 100]"),
+      number_key("reference", &Table::reference,
+                 {"-", "steps in the shortest contact of the run that all are compared with"}, least_steps_per_contact,
+                 true, "twice the most that are tried"),
+      numbers_key("skins", &Table::skins, {"m", "skins that are tried"}, 0.0, false,
+                  "0.05 and 0.2 of the mean diameter"),
+      numbers_key("gas_steps", &Table::gas_steps, {"s", "gas steps that are tried"}, 0.0, false,
+                  "half and twice that of the scene"),
+      numbers_key("gas_tolerances", &Table::gas_tolerances, {"-", "tolerances of the gas that are tried"}, 0.0, false,
+                  "100 and 10 000 times that of the scene"),
+      number_key("accept", &Table::accept, {"-", "error that a recommended setting may have"}, 0.0, false, "0.01"),
+      tables("variant", &Table::variants, variant, "other ways to run the scene, such as another contact law"),
+  }};
+  return keys;
+}
+
 const KeyTable<SceneDraft>& scene_table() {
   static const KeyTable<SceneDraft> keys{{
       value("title", &SceneDraft::title, {"", "a line about the scene"}),
@@ -771,6 +835,7 @@ const KeyTable<SceneDraft>& scene_table() {
       table("run", &SceneDraft::run, run_keys(), "none", "how it is run; results do not depend on it"),
       table("gas", &SceneDraft::gas, gas_keys(), "none", "gas between the grains, on a grid over the whole domain"),
       table("scale", &SceneDraft::scale, scale_keys(), "none", "how moraine scale --weak makes the scene larger"),
+      table("pareto", &SceneDraft::pareto, pareto_keys(), "none", "what moraine pareto tries, and what it compares"),
       planned<SceneDraft>("inlet", "inlets"),
   }};
   return keys;

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "engine/scene/scene.hpp"
+#include "io/scene_toml/pareto.hpp"
 #include "io/scene_toml/reader.hpp"
 
 namespace moraine::scene_toml {
@@ -108,6 +109,7 @@ struct SceneDraft {
   std::vector<ProbeDraft> probes;
   RunControl run;
   ScaleDraft scale;
+  ParetoTable pareto;
 };
 
 /// Reads the whole document; complains to the reader.

@@ -12,6 +12,7 @@
 #include "io/scene_toml/as_run.hpp"
 #include "io/scene_toml/document.hpp"
 #include "io/scene_toml/growth.hpp"
+#include "io/scene_toml/pareto.hpp"
 #include "io/scene_toml/scene_keys.hpp"
 
 namespace moraine {
@@ -233,6 +234,20 @@ std::vector<std::string> growth_overrides(const std::filesystem::path& file, con
                                           int factor) {
   const std::vector<std::string> all = scene_toml::grown(file, scene_toml::document_of(file, overrides), factor);
   return factor == 1 ? std::vector<std::string>() : all;
+}
+
+ParetoTable read_pareto(const std::filesystem::path& file, const std::vector<std::string>& overrides) {
+  const scene_toml::Node root = scene_toml::document_of(file, overrides);
+  scene_toml::Reader reader(root, file.string());
+  ParetoTable table = scene_toml::read_draft(reader).pareto;
+  if (reader.has_errors()) throw SceneFileError(reader.messages());
+  return table;
+}
+
+std::string scene_without_studies(const std::filesystem::path& file, const std::vector<std::string>& overrides) {
+  scene_toml::Node root = scene_toml::document_of(file, overrides);
+  std::erase_if(root.members, [](const auto& member) { return member.name == "pareto" || member.name == "scale"; });
+  return scene_toml::to_document(root);
 }
 
 std::vector<std::filesystem::path> files_of_scene(const std::filesystem::path& file,

@@ -82,6 +82,12 @@ const std::vector<Broken> table = {
      "24: key \"wall[0].motion\" = { velocity = [0, 0, 1] }: not available yet in this version; leave it out"},
     {"planned precision", "", "[run]\nprecision = \"mixed\"",
      "31: key \"run.precision\": \"mixed\" is not available yet in this version; use \"double\""},
+    {"a sweep over nothing that can be stepped", "", "[pareto]\nsteps_per_contact = [20, 1.5]",
+     "31: key \"pareto.steps_per_contact\" = [20, 1.5]: expected numbers from 2, found 1.5"},
+    {"an acceptable error of nothing", "", "[pareto]\naccept = 0",
+     "31: key \"pareto.accept\" = 0: expected a number above 0"},
+    {"a variant without a name", "", "[[pareto.variant]]\nset = [\"run.skin=0.001\"]",
+     "30: key \"pareto.variant[0].name\": missing; expected text: name in tables and plots"},
     // types and units
     {"text for a number, with a unit", "diameter = 0.02", "diameter = \"4 mm\"",
      "20: key \"particles[0].diameter\" = \"4 mm\": expected a number in SI units [m]; write 0.004"},

@@ -92,8 +92,8 @@ ScaleResults make_results() {
 SweepIdentity make_identity() { return {"strong", "title = \"a bed\"\n", "", "abcd", "here: 4 CPUs", 100, 50}; }
 
 void write_run(const SweepDirectory& directory, const SweepRun& run, const RunSummary& summary) {
-  make_directory(directory.run_directory(run));
-  write_file(directory.run_directory(run) / "summary.json", summary_json(summary));
+  make_directory(directory.run_directory(run.name()));
+  write_file(directory.run_directory(run.name()) / "summary.json", summary_json(summary));
 }
 
 /// The cells of a line of CSV without commas in quotes counted as separators.
@@ -225,7 +225,7 @@ TEST_CASE("a sweep goes on with the runs that are not done") {
   run.n_steps = 99;
   write_run(first, shorter, run);
   write_run(first, broken, make_run({1, 1}, 1.0));
-  write_file(first.run_directory(broken) / "summary.json", "{");
+  write_file(first.run_directory(broken.name()) / "summary.json", "{");
 
   const SweepDirectory again(path, make_identity());
   CHECK(again.remark().empty());
@@ -235,8 +235,8 @@ TEST_CASE("a sweep goes on with the runs that are not done") {
     INFO(other.name());
     CHECK_FALSE(again.find(other));
   }
-  again.clear(broken);
-  CHECK_FALSE(fs::exists(again.run_directory(broken)));
+  again.clear(broken.name());
+  CHECK_FALSE(fs::exists(again.run_directory(broken.name())));
 }
 
 TEST_CASE("a sweep of something else is set aside, and what has changed is said") {

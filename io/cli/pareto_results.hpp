@@ -1,0 +1,83 @@
+// What a sweep of speed against error has shown: errors of each setting against the reference, the efficient front, and
+// the setting to recommend.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "engine/run/image.hpp"
+#include "io/cli/pareto_settings.hpp"
+#include "io/cli/summary.hpp"
+
+namespace moraine {
+
+/// What a run has shown of the quantities that are compared; all runs of a sweep have them in the same order.
+struct ParetoRecord {
+  RunSummary summary;
+  std::vector<double> means;       // of each statistic: average over time
+  std::vector<double> deviations;  // and standard deviation over time
+  std::vector<std::vector<double>>
+      paths;  // at each look: x, y, z of the grains in order of gid; not a number where gone
+  std::vector<std::vector<double>> rows;  // of each value: its rows
+};
+
+/// The error of one quantity against the reference.
+struct ParetoError {
+  std::string quantity;
+  double value = 0.0;                // [-] relative; for statistics the mean of the differences, with its sign
+  std::optional<double> half_width;  // [-] of its 95 % confidence interval; none: not repeated
+  double reference = 0.0;            // what it is relative to, in the quantity's unit
+  /// What is known to hold the error.
+  double bound() const { return (value < 0.0 ? -value : value) + half_width.value_or(0.0); }
+};
+
+/// One setting.
+struct ParetoResult {
+  ParetoSetting setting;
+  int n_runs = 0;
+  double seconds = 0.0;             // [s] of stepping, median of the runs, scaled to the end of the scene
+  double speed = 0.0;               // [particle-steps/s] of that run
+  std::vector<ParetoError> errors;  // of each quantity; none where it failed
+  std::string failure;              // what the run said as it stopped; empty: it did not
+  std::vector<std::string> hashes;  // end states, in order of the repeats
+  bool is_on_front = false;
+
+  bool is_good() const { return failure.empty(); }
+  /// The quantity with the largest error.
+  const ParetoError& worst() const;
+};
+
+struct ParetoResults {
+  std::string scene_file, title, version, commit, machine, layout, command;
+  ParetoMeasure measure = ParetoMeasure::paths;
+  double end = 0.0, from = 0.0, scene_end = 0.0;  // [s]
+  int repeats = 1;
+  double accept = 0.0;                // [-]
+  std::vector<ParetoResult> results;  // the reference first
+  std::optional<std::size_t> recommended;
+  std::string advice;                // why that one, or why none
+  bool is_chaotic = false;           // paths do not converge, so that errors by paths mean nothing
+  std::vector<std::string> remarks;  // what was not tried
+};
+
+/// Reads what a run has left: its summary, probes, and the paths of its grains. `columns` are those that the scene names for this
+/// measure. Throws StorageError.
+ParetoRecord read_record(const ParetoPlan& plan, const std::vector<ProbeColumn>& columns,
+                         const std::filesystem::path& run_directory);
+
+/// Errors of a setting's runs against those of the reference, repeat by repeat. A setting may have fewer repeats.
+std::vector<ParetoError> errors_between(const ParetoPlan& plan, const std::vector<ProbeColumn>& columns,
+                                        const std::vector<ParetoRecord>& runs,
+                                        const std::vector<ParetoRecord>& reference);
+
+/// Half the width of the 95 % confidence interval of a mean, from its samples (Student 1908); none for fewer than two.
+std::optional<double> half_width_of_mean(const std::vector<double>& samples);
+
+/// Marks the front (no other setting is both faster and more accurate), looks whether paths converge, and recommends.
+/// The reference is not a candidate.
+void judge(ParetoResults& results);
+
+}  // namespace moraine
