@@ -153,28 +153,6 @@ GrainSums Bed::sums(const LawChoice& choice) {
   return s;
 }
 
-Floor::Floor(const Particles& particles, int every) : n(particles.size() / every / pair_group * pair_group) {
-  const auto rows = static_cast<std::size_t>(n);
-  for (std::int32_t i = 0; i < n; ++i) grain.push_back(i * every);
-  columns.assign(8 * rows, 0.0);
-  for (std::size_t k = 0; k < rows; ++k) {
-    columns[2 * rows + k] = 1.0;
-    columns[3 * rows + k] = 0.9995 * particles.radius(grain[k]);
-    columns[7 * rows + k] = 1.0;
-  }
-  history.resize_discarding(4 * rows);
-  std::fill(history.begin(), history.end(), 0.0);
-  slots.resize_discarding(12 * rows);
-  species.assign(rows, 0);
-  const double* const c = columns.data();
-  view = {grain.data(),   c,
-          c + rows,       c + 2 * rows,
-          c + 3 * rows,   c + 4 * rows,
-          c + 5 * rows,   c + 6 * rows,
-          c + 7 * rows,   species.data(),
-          history.data(), slots.data()};
-}
-
 Bed& bed(Size size, bool has_rotation) {
   static std::map<std::pair<Size, bool>, std::unique_ptr<Bed>> beds;
   std::unique_ptr<Bed>& found = beds[{size, has_rotation}];

@@ -10,7 +10,6 @@
 #include "bench/kernels/meter.hpp"
 #include "engine/contacts/cells.hpp"
 #include "engine/contacts/pair_list.hpp"
-#include "engine/particles/aligned_array.hpp"
 #include "engine/particles/particles.hpp"
 #include "engine/scene/scene.hpp"
 #include "kernels/contact/sweep.hpp"
@@ -73,18 +72,6 @@ struct Bed {
   SweepResult run(PairKernel kernel, const PairSweep& sweep, int slot) {
     return run(kernel, sweep, slot, [](const Tile&) {});
   }
-};
-
-/// Every n-th grain touches a floor; rows as the engine makes them, by grain.
-struct Floor {
-  std::vector<std::int32_t> grain;
-  std::vector<double> columns;
-  AlignedArray<double> history, slots;
-  std::vector<std::uint8_t> species;
-  WallTouches view;
-  std::int64_t n = 0;
-
-  explicit Floor(const Particles& particles, int every = 1);
 };
 
 /// The beds are kept: making one takes longer than timing a kernel.

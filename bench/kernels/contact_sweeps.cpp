@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "bench/kernels/bed.hpp"
+#include "engine/particles/aligned_array.hpp"
 
 namespace moraine::bench {
 
@@ -28,6 +29,38 @@ void sweep_pairs(benchmark::State& state, const LawChoice& choice, Size size) {
           [&] { benchmark::DoNotOptimize(b.run(kernel, sweep, slot)); });
   state.counters["pairs"] = b.n_pairs();
 }
+
+/// Every grain touches a floor; rows as the engine makes them.
+struct Floor {
+  std::vector<std::int32_t> grain;
+  std::vector<double> columns;
+  AlignedArray<double> history, slots;
+  std::vector<std::uint8_t> species;
+  WallTouches view;
+  std::int64_t n = 0;
+
+  explicit Floor(const Particles& particles) : n(particles.size() / pair_group * pair_group) {
+    const auto rows = static_cast<std::size_t>(n);
+    for (std::int32_t i = 0; i < n; ++i) grain.push_back(i);
+    columns.assign(8 * rows, 0.0);
+    for (std::size_t k = 0; k < rows; ++k) {
+      columns[2 * rows + k] = 1.0;
+      columns[3 * rows + k] = 0.9995 * particles.radius(static_cast<std::int64_t>(k));
+      columns[7 * rows + k] = 1.0;
+    }
+    history.resize_discarding(4 * rows);
+    std::fill(history.begin(), history.end(), 0.0);
+    slots.resize_discarding(12 * rows);
+    species.assign(rows, 0);
+    const double* const c = columns.data();
+    view = {grain.data(),   c,
+            c + rows,       c + 2 * rows,
+            c + 3 * rows,   c + 4 * rows,
+            c + 5 * rows,   c + 6 * rows,
+            c + 7 * rows,   species.data(),
+            history.data(), slots.data()};
+  }
+};
 
 void sweep_walls(benchmark::State& state, const LawChoice& choice, Size size) {
   Bed& b = bed(size, choice.has_rotation);

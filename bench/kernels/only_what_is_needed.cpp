@@ -1,129 +1,66 @@
-// What a scene saves by what it leaves out: sweep and motion of a bed with everything that a scene can ask of them, then
-// without one thing at a time, then without more and more; and what each shipped scene asks for, against everything.
+// What a scene saves by what it leaves out: sweep and motion of a bed with everything that the linear spring can carry, then
+// without one thing at a time, then without more and more.
 #include <algorithm>
-#include <filesystem>
 #include <map>
 
 #include "bench/kernels/bed.hpp"
-#include "engine/run/plan.hpp"
-#include "io/scene_toml/scene_toml.hpp"
 
 namespace moraine::bench {
 
 namespace {
 
-/// What a scene asks of contacts and motion. The third dimension is a matter of what is set to zero, and costs the same.
 struct Needs {
-  std::string name;
+  const char* name;
   LawChoice choice;
-  bool has_images = false, has_walls = false, has_gas = false, is_flat = false;
+  bool has_images;
 };
 
 constexpr NormalLaw linear = NormalLaw::linear;
 constexpr TangentialLaw spring = TangentialLaw::spring, viscous = TangentialLaw::viscous, none = TangentialLaw::none;
+// normal, tangential, rotation, uniform, ledger; periodic images
+constexpr Needs all_in{"all_in", {linear, spring, true, false, true}, true};
+constexpr Needs ladder[] = {
+    all_in,
+    {"without/ledger", {linear, spring, true, false, false}, true},
+    {"without/images", {linear, spring, true, false, true}, false},
+    {"without/mixture", {linear, spring, true, true, true}, true},
+    {"without/rotation", {linear, spring, false, false, true}, true},
+    {"without/history", {linear, viscous, true, false, true}, true},
+    {"without/friction", {linear, none, true, false, true}, true},
+    {"then/1_ledger", {linear, spring, true, false, false}, true},
+    {"then/2_images", {linear, spring, true, false, false}, false},
+    {"then/3_mixture", {linear, spring, true, true, false}, false},
+    {"then/4_rotation", {linear, spring, false, true, false}, false},
+    {"then/5_history", {linear, viscous, false, true, false}, false},
+    {"then/6_friction", {linear, none, false, true, false}, false},
+};
 
-/// Everything, with the normal law of a scene.
-Needs everything(NormalLaw normal) {
-  return {"all_in", {normal, normal == linear ? spring : TangentialLaw::mindlin, true, false, true}, true, true, true};
-}
-
-Needs without(const char* name, void (*leave_out)(Needs&)) {
-  Needs needs = everything(linear);
-  needs.name = name;
-  leave_out(needs);
-  return needs;
-}
-
-std::vector<Needs> ladder() {
-  std::vector<Needs> rungs = {everything(linear)};
-  const std::pair<const char*, void (*)(Needs&)> parts[] = {
-      {"ledger", [](Needs& n) { n.choice.has_ledger = false; }},
-      {"gas", [](Needs& n) { n.has_gas = false; }},
-      {"walls", [](Needs& n) { n.has_walls = false; }},
-      {"images", [](Needs& n) { n.has_images = false; }},
-      {"species", [](Needs& n) { n.choice.is_uniform = true; }},
-      {"third_dimension", [](Needs& n) { n.is_flat = true; }},
-      {"rotation", [](Needs& n) { n.choice.has_rotation = false; }},
-      {"history", [](Needs& n) { n.choice.tangential = viscous; }},
-      {"friction", [](Needs& n) { n.choice.tangential = none; }}};
-  for (const auto& [name, leave_out] : parts)
-    rungs.push_back(without((std::string("without/") + name).c_str(), leave_out));
-  Needs less = everything(linear);
-  int number = 0;
-  for (const auto& [name, leave_out] : parts) {
-    leave_out(less);
-    less.name = "then/" + std::to_string(++number) + "_" + name;
-    rungs.push_back(less);
-  }
-  return rungs;
-}
-
-/// What a scene file asks for.
-Needs needs_of(const std::string& name) {
-  const Scene scene = read_scene(std::filesystem::path(MORAINE_EXAMPLES) / name / "scene.toml");
-  Needs needs;
-  needs.name = "scene/" + name;
-  needs.choice = {scene.contact.normal, scene.contact.tangential, scene.contact.rotation, are_grains_alike(scene),
-                  scene.output.energy};
-  needs.has_images = scene.domain.periodic[0] || scene.domain.periodic[1] || scene.domain.periodic[2];
-  needs.has_walls = !scene.walls.empty();
-  needs.has_gas = scene.gas && scene.gas->drag;
-  needs.is_flat = scene.domain.dimensions == 2;
-  return needs;
-}
-
-/// One pass: each tile swept, then its grains summed and advanced. One grain in twenty touches a wall, as in a bed twenty
-/// grains deep.
+/// One pass: each tile swept, then its grains summed and advanced.
 class Pass {
  public:
   Pass(const Needs& needs, Size size)
       : bed_(bed(size, needs.choice.has_rotation)),
-        floor_(bed_.particles, 20),
         sweep_(bed_.sweep(needs.choice, needs.has_images)),
         sums_(bed_.sums(needs.choice)),
-        kernels_(contact_kernels(needs.choice)),
+        pairs_(contact_kernels(needs.choice).pairs),
         motion_(motion_kernel(needs.choice.has_rotation, needs.choice.has_ledger)),
-        slot_(slot_size(needs.choice.has_rotation, needs.choice.has_ledger)),
-        has_walls_(needs.has_walls) {
+        slot_(slot_size(needs.choice.has_rotation, needs.choice.has_ledger)) {
     bed_.restart(needs.choice);
-    sums_.kick.is_flat = needs.is_flat;
-    if (needs.has_gas) {
-      push_.assign(3 * static_cast<std::size_t>(bed_.particles.size()), 1e-3);
-      sums_.push = push_.data();
-    }
   }
   double n_grains() const { return bed_.n_grains(); }
   void operator()() {
-    if (has_walls_) {
-      const WallSweep walls{bed_.particles.records(), floor_.view, &bed_.table, Bed::dt, 0.5};
-      benchmark::DoNotOptimize(kernels_.walls(walls, {0, floor_.n}));
-    }
-    benchmark::DoNotOptimize(bed_.run(kernels_.pairs, sweep_, slot_, [this](const Tile& tile) {
-      if (has_walls_) show_touches(tile);
+    benchmark::DoNotOptimize(bed_.run(pairs_, sweep_, slot_, [this](const Tile& tile) {
       benchmark::DoNotOptimize(motion_(sums_, nullptr, {tile.grain_begin, tile.grain_end}));
     }));
   }
 
  private:
-  /// Those of the tile's grains.
-  void show_touches(const Tile& tile) {
-    const auto first = std::lower_bound(floor_.grain.begin(), floor_.grain.end(), tile.grain_begin);
-    const auto last = std::lower_bound(first, floor_.grain.end(), tile.grain_end);
-    const std::ptrdiff_t begin = first - floor_.grain.begin();
-    sums_.wall_grain = floor_.grain.data() + begin;
-    sums_.wall_slots = floor_.slots.data() + begin * slot_;
-    sums_.n_wall = last - first;
-  }
-
   Bed& bed_;
-  Floor floor_;
-  std::vector<double> push_;
   PairSweep sweep_;
   GrainSums sums_;
-  ContactKernels kernels_;
+  PairKernel pairs_;
   MotionKernel motion_;
   int slot_;
-  bool has_walls_;
 };
 
 /// Keeps the time of the fastest pass: the one that least else got in the way of.
@@ -140,41 +77,31 @@ class Fastest {
   double seconds_ = 1e300;
 };
 
-double all_in_seconds(NormalLaw normal, Size size) {
-  static std::map<std::pair<NormalLaw, Size>, double> known;
-  if (const auto found = known.find({normal, size}); found != known.end()) return found->second;
-  Pass pass(everything(normal), size);
+double all_in_seconds(Size size) {
+  static std::map<Size, double> known;
+  if (const auto found = known.find(size); found != known.end()) return found->second;
+  Pass pass(all_in, size);
   Fastest fastest;
   for (int n = 0; n < (size == Size::k200 ? 20 : 200); ++n) fastest(pass);
-  return known[{normal, size}] = fastest.seconds();
-}
-
-void measure_needs(benchmark::State& state, const Needs& needs, Size size) {
-  const double all = all_in_seconds(needs.choice.normal, size);
-  Pass pass(needs, size);
-  pass();
-  Work work;
-  work.items_name = "grains/s";
-  work.items = pass.n_grains();
-  Fastest fastest;
-  measure(state, work, [&] { fastest(pass); });
-  state.counters["saved_%"] = 100.0 * (1.0 - fastest.seconds() / all);
-  state.counters["ratio"] = all / fastest.seconds();
+  return known[size] = fastest.seconds();
 }
 
 }  // namespace
 
 void add_only_what_is_needed() {
   for (const Size size : {Size::k20, Size::k200})
-    for (const Needs& needs : ladder())
-      add("needed/" + needs.name + "/" + name_of(size),
-          [=](benchmark::State& state) { measure_needs(state, needs, size); });
-  for (const auto& entry : std::filesystem::directory_iterator(MORAINE_EXAMPLES))
-    if (std::filesystem::exists(entry.path() / "scene.toml")) {
-      const std::string name = entry.path().filename().string();
-      add("needed/scene/" + name + "/20k",
-          [name](benchmark::State& state) { measure_needs(state, needs_of(name), Size::k20); });
-    }
+    for (const Needs& needs : ladder)
+      add("needed/" + std::string(needs.name) + "/" + name_of(size), [=](benchmark::State& state) {
+        const double everything = all_in_seconds(size);
+        Pass pass(needs, size);
+        pass();
+        Work work;
+        work.items_name = "grains/s";
+        work.items = pass.n_grains();
+        Fastest fastest;
+        measure(state, work, [&] { fastest(pass); });
+        state.counters["saved_%"] = 100.0 * (1.0 - fastest.seconds() / everything);
+      });
 }
 
 }  // namespace moraine::bench

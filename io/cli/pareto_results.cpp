@@ -207,14 +207,21 @@ std::string error_text(const ParetoError& error) {
   return error.half_width ? fmt::format("{} +- {:.2g} %", size, 100.0 * *error.half_width) : size;
 }
 
+/// What is known to hold the errors of all quantities.
+double bound_of(const ParetoResult& result) {
+  double bound = 0.0;
+  for (const ParetoError& error : result.errors) bound = std::max(bound, error.bound());
+  return bound;
+}
+
 void recommend(ParetoResults& results) {
   std::optional<std::size_t> best, surest;
   for (std::size_t i = 0; i < results.results.size(); ++i) {
     const ParetoResult& result = results.results[i];
     if (!is_candidate(result)) continue;
-    const double bound = result.worst().bound();
+    const double bound = bound_of(result);
     if (bound <= results.accept && (!best || result.seconds < results.results[*best].seconds)) best = i;
-    if (!surest || bound < results.results[*surest].worst().bound()) surest = i;
+    if (!surest || bound < bound_of(results.results[*surest])) surest = i;
   }
   results.recommended = best ? best : surest;
   if (!results.recommended) {

@@ -80,11 +80,12 @@ HtmlPage pareto_page(const fs::path& directory) {
   page.heading("Result");
   page.paragraph("Recommended: " + json.at("advice").get<std::string>());
   const bool by_statistics = json.at("compared_by") == "statistics";
-  add_plot(page, directory / "pareto.svg",
-           fmt::format("Error against the time to the scene's end ({:g} s). The line joins the efficient settings: none "
-                       "is both faster and more accurate.{}",
-                       json.at("scene_end").get<double>(),
-                       by_statistics ? " Bars are 95 % confidence intervals from repeats with other seeds." : ""));
+  add_plot(
+      page, directory / "pareto.svg",
+      fmt::format("Error against the time to the scene's end ({:g} s). The line joins the efficient settings: none "
+                  "is both faster and more accurate.{}",
+                  json.at("scene_end").get<double>(),
+                  by_statistics ? " Bars are 95 % confidence intervals from repeats with other seeds." : ""));
   HtmlPage::Table table;
   table.caption = "Each setting: its cost, its largest error, and what has it. ";
   table.caption += by_statistics
@@ -92,7 +93,8 @@ HtmlPage pareto_page(const fs::path& directory) {
                                      json.at("from").get<double>(), json.at("end").get<double>())
                        : fmt::format("Errors are root mean squares over the run, to {:g} s, against the reference's.",
                                      json.at("end").get<double>());
-  table.rows = {{"setting", "step [s]", "steps/contact", "runs", "M p-steps/s", "time to end [s]", "error", "95 %", "of", ""}};
+  table.rows = {
+      {"setting", "step [s]", "steps/contact", "runs", "M p-steps/s", "time to end [s]", "error", "95 %", "of", ""}};
   HtmlPage::Table errors;
   errors.caption = "Errors of each quantity, with the half width of their intervals where there are repeats.";
   for (const Json& s : json.at("settings")) {
@@ -113,13 +115,16 @@ HtmlPage pareto_page(const fs::path& directory) {
       table.rows.push_back(row);
       continue;
     }
-    const Json& worst = *std::max_element(all.begin(), all.end(), [&](const Json& a, const Json& b) { return size(a) < size(b); });
+    const Json& worst =
+        *std::max_element(all.begin(), all.end(), [&](const Json& a, const Json& b) { return size(a) < size(b); });
     const auto width = [](const Json& error) {
       return error.contains("half_width") ? percentage(error.at("half_width").get<double>()) : std::string();
     };
     if (s.at("is_recommended").get<bool>()) table.marked.push_back(table.rows.size());
     row.insert(row.end(), {percentage(size(worst)), width(worst), worst.at("quantity").get<std::string>(),
-                           s.at("is_recommended").get<bool>() ? "recommended" : s.at("is_on_front").get<bool>() ? "front" : ""});
+                           s.at("is_recommended").get<bool>() ? "recommended"
+                           : s.at("is_on_front").get<bool>()  ? "front"
+                                                              : ""});
     table.rows.push_back(row);
     if (errors.rows.empty()) {
       errors.rows.push_back({"setting"});
@@ -164,15 +169,16 @@ HtmlPage scale_page(const fs::path& directory) {
   for (const Json& l : json.at("layouts")) {
     const auto number = [&](const char* key) { return l.at(key).get<double>(); };
     if (l.at("layout") == best) table.marked.push_back(table.rows.size());
-    table.rows.push_back({l.at("layout"), std::to_string(l.at("cores").get<int>()), std::to_string(l.at("runs").get<int>()),
-                          whole(number("grains")), fmt::format("{:.4g}", number("median_seconds")),
-                          fmt::format("{:.2f}", 1e-6 * number("particle_steps_per_second")),
-                          fmt::format("{:.2f}", number("speed_up")), percentage(number("efficiency")),
-                          percentage(number("waiting_share")), fmt::format("{:.3f}", number("work_imbalance")),
-                          whole(number("ghosts")), fmt::format("{:.4g}", number("messages_per_step")),
-                          bytes_text(number("bytes_per_step"))});
+    table.rows.push_back(
+        {l.at("layout"), std::to_string(l.at("cores").get<int>()), std::to_string(l.at("runs").get<int>()),
+         whole(number("grains")), fmt::format("{:.4g}", number("median_seconds")),
+         fmt::format("{:.2f}", 1e-6 * number("particle_steps_per_second")), fmt::format("{:.2f}", number("speed_up")),
+         percentage(number("efficiency")), percentage(number("waiting_share")),
+         fmt::format("{:.3f}", number("work_imbalance")), whole(number("ghosts")),
+         fmt::format("{:.4g}", number("messages_per_step")), bytes_text(number("bytes_per_step"))});
     for (const auto& [name, share] : l.at("phase_shares").items())
-      if (share.get<double>() > 0.005 && std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+      if (share.get<double>() > 0.005 && std::find(names.begin(), names.end(), name) == names.end())
+        names.push_back(name);
   }
   page.table(table);
   phases.caption = "Shares of the phases of a step.";
@@ -224,15 +230,18 @@ std::string plot_script(const fs::path& csv, std::vector<std::string>& files) {
   for (std::size_t i = 0; i < columns.size(); ++i)
     if (columns[i] != "step" && columns[i] != "time [s]" && columns[i] != "state_hash")
       by_unit[unit_of(columns[i])].push_back(i);
-  std::string script = "set datafile separator ','\nset grid\nset xlabel 'time [s]'\nset key outside right top noenhanced\n";
+  std::string script =
+      "set datafile separator ','\nset grid\nset xlabel 'time [s]'\nset key outside right top noenhanced\n";
   for (const auto& [unit, which] : by_unit) {
     const std::string file = fmt::format("report-{}-{}.svg", csv.stem().string(), files.size());
     files.push_back(file);
-    script += fmt::format("set terminal svg size 1000,340 dynamic font 'Sans,12' background rgb 'white'\nset output {}\nset ylabel {} noenhanced\nplot ",
-                          quoted_gnuplot(file), quoted_gnuplot('[' + unit + ']'));
+    script += fmt::format(
+        "set terminal svg size 1000,340 dynamic font 'Sans,12' background rgb 'white'\nset output {}\nset ylabel {} "
+        "noenhanced\nplot ",
+        quoted_gnuplot(file), quoted_gnuplot('[' + unit + ']'));
     for (std::size_t k = 0; k < std::min(which.size(), most_lines); ++k)
-      script += fmt::format("{}{} using {}:{} with lines title {}", k == 0 ? "" : ", ", quoted_gnuplot(csv.filename().string()),
-                            time - columns.begin() + 1, which[k] + 1,
+      script += fmt::format("{}{} using {}:{} with lines title {}", k == 0 ? "" : ", ",
+                            quoted_gnuplot(csv.filename().string()), time - columns.begin() + 1, which[k] + 1,
                             quoted_gnuplot(columns[which[k]].substr(0, columns[which[k]].find(" ["))));
     script += '\n';
   }
@@ -274,13 +283,16 @@ HtmlPage run_page(const fs::path& directory) {
   const RunSummary run = read_summary(directory / "summary.json");
   HtmlPage page(run.title.empty() ? run.scene_file : run.title);
   page.facts({{"scene", run.scene_file},
-              {"command", fmt::format("moraine run {} --layout {}", shell_quoted((directory / "scene.toml").string()), run.layout)},
+              {"command", fmt::format("moraine run {} --layout {}", shell_quoted((directory / "scene.toml").string()),
+                                      run.layout)},
               {"program", fmt::format("moraine {}, commit {}", run.version, run.commit)},
               {"machine", fmt::format("{}, {} CPUs", run.processor, run.n_cpus)},
               {"layout", run.layout},
-              {"grains", fmt::format("{} born, {} inside, {} left", count_text(run.n_born), count_text(run.n_grains), count_text(run.n_left))},
+              {"grains", fmt::format("{} born, {} inside, {} left", count_text(run.n_born), count_text(run.n_grains),
+                                     count_text(run.n_left))},
               {"simulated", fmt::format("to {:.6g} s in steps of {:.6g} s", run.time, run.time_step)},
-              {"speed", fmt::format("{:.2f} M particle-steps/s over {} in {}", 1e-6 * run.speed(), counted(run.n_steps, "step"), duration_text(run.seconds()))},
+              {"speed", fmt::format("{:.2f} M particle-steps/s over {} in {}", 1e-6 * run.speed(),
+                                    counted(run.n_steps, "step"), duration_text(run.seconds()))},
               {"state hash", run.hash},
               {"ended by signal", run.signal != 0 ? std::to_string(run.signal) : ""},
               {"date", date_of(directory / "summary.json")}});
@@ -302,7 +314,8 @@ HtmlPage run_page(const fs::path& directory) {
                 {"least void fraction", fmt::format("{:.3f}", run.gas->least_void_fraction)}});
   add_series(page, directory);
   page.heading("Scene and log");
-  if (const std::string scene = text_if_there(directory / "scene.toml"); !scene.empty()) page.listing("scene.toml, as run", scene);
+  if (const std::string scene = text_if_there(directory / "scene.toml"); !scene.empty())
+    page.listing("scene.toml, as run", scene);
   if (const std::string log = text_if_there(directory / "log.txt"); !log.empty()) page.listing("log", log);
   return page;
 }
@@ -332,9 +345,10 @@ HtmlPage page_of(const fs::path& directory) {
     throw StorageError(directory, std::string("holds results that cannot be read: ") + error.what());
   }
   const bool is_unfinished = fs::exists(directory / "sweep.json") || fs::exists(directory / "scene.toml");
-  throw UsageError(directory.string() + (is_unfinished ? ": the run or sweep in it has not come to its end yet"
-                                                       : ": expected the directory of a run (summary.json) or of a sweep "
-                                                         "(scale.json, pareto.json)"));
+  throw UsageError(directory.string() + (is_unfinished
+                                             ? ": the run or sweep in it has not come to its end yet"
+                                             : ": expected the directory of a run (summary.json) or of a sweep "
+                                               "(scale.json, pareto.json)"));
 }
 
 }  // namespace

@@ -256,11 +256,16 @@ void add_projection(const ScaleRequest& request, ScaleResults& results, Log& log
 
 int report(const ScaleRequest& request, const Sweep& sweep, const fs::path& directory, Log& log) {
   const RunSummary& any = sweep.any_run();
-  ScaleResults results{request.kind,    request.scene_file.string(),
-                       any.title,       any.version,
-                       any.commit,      this_machine(),
-                       *request.steps,  *request.warm_up,
-                       sweep.results(), {},
+  ScaleResults results{request.kind,
+                       request.scene_file.string(),
+                       any.title,
+                       any.version,
+                       any.commit,
+                       this_machine(),
+                       *request.steps,
+                       *request.warm_up,
+                       sweep.results(),
+                       {},
                        command_text(request)};
   add_projection(request, results, log);
   log.say(scale_table(results) + write_scale_report(results, directory));

@@ -1,13 +1,61 @@
 // Scenes at the edge: from stiff to soft, from elastic to dead, at rest for long, in corners and on edges.
+#include <catch2/catch.hpp>
+
 #include <cmath>
 #include <numbers>
 
-#include "tests/stability/laboratory.hpp"
+#include "engine/run/simulation.hpp"
+#include "tests/support/flow_scenes.hpp"
 
 using namespace moraine;
-using namespace moraine::hard;
 
 namespace {
+
+constexpr double radius = 0.005;
+
+struct Grain {
+  Vec3 position, velocity, angular_velocity;
+};
+
+Scene scene_of(const std::vector<Grain>& grains) {
+  Scene s;
+  s.time.end = 100.0;
+  s.materials = {{"glass", 2500.0, 5e6, 0.3}};
+  PairLaw p;
+  p.between = {"glass", "glass"};
+  p.normal_stiffness = 1e4;
+  p.restitution = 0.8;
+  p.friction = 0.4;
+  s.contact.pairs = {p};
+  s.domain.low = {-1, -1, -1};
+  s.domain.high = {1, 1, 1};
+  ListedGrains list;
+  for (const Grain& grain : grains)
+    list.grains.push_back({grain.position, grain.velocity, grain.angular_velocity, 0.0, 0});
+  list.has_velocity = true;
+  ParticleGroup group;
+  group.material = "glass";
+  group.diameter.value = 2 * radius;
+  group.fill = list;
+  s.particles = {group};
+  return s;
+}
+
+Vec3 vector_of(const Image& image, Field field, std::size_t grain) {
+  const std::vector<double>& v = image.find(field)->reals;
+  return {v[3 * grain], v[3 * grain + 1], v[3 * grain + 2]};
+}
+
+void advance(Simulation& simulation, int n_steps) {
+  for (int i = 0; i < n_steps; ++i) simulation.step();
+}
+
+double largest_speed(const Simulation& simulation) {
+  const Image image = simulation.snapshot();
+  double most = 0.0;
+  for (std::size_t i = 0; i < image.n_grains; ++i) most = std::max(most, length(vector_of(image, Field::velocity, i)));
+  return most;
+}
 
 TriangleMesh corner_of_three(double size) {
   TriangleMesh mesh;
