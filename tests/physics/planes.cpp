@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/walls/walls.hpp"
 #include "tests/physics/laboratory.hpp"
 
 using namespace moraine;
@@ -164,6 +165,22 @@ TEST_CASE("a plane of triangles that slides, shakes and turns moves grains as th
     report("moving: %5d triangles against a plane: largest difference %.1e (relative)", 2 * n * n, worst);
     CHECK(worst < 1e-10);
   }
+}
+
+TEST_CASE("a grain on a mesh of 100,352 triangles looks at as many of them as on one of 200 of the same size",
+          "[walls]") {
+  const auto count = [](int n) {
+    Scene scene = floor_scene(NormalLaw::linear, TangentialLaw::spring, 1, false);
+    std::get<MeshShape>(scene.walls[0].shape).mesh = square_mesh(n, 1e-3 * n);
+    const Walls walls(scene);
+    const std::vector<double> records = {1e-4, 2e-4, radius, radius, 2.3e-3, 1.1e-3, radius, radius};
+    WallCandidates found;
+    walls.find_candidates(records.data(), 4, 0, 2, 2e-4, 0.0, found);
+    return found.triangles.size();
+  };
+  report("triangles that two grains look at: %zu of 200, %zu of 100,352", count(10), count(224));
+  CHECK(count(10) == count(224));
+  CHECK(count(224) < 40);
 }
 
 TEST_CASE("half of a symmetric collision with a mirror is the whole one", "[walls]") {
