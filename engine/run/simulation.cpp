@@ -262,7 +262,8 @@ void Simulation::Parts::make_contacts() {
   if (!world.is_alone()) cut({});
 }
 
-/// Divides space anew, into equal boxes where nothing is to follow the grains but cores; grains move at the next rebuild. Weights of this rank's grains, in any unit that all ranks use; empty: all the same.
+/// Divides space anew, into equal boxes where nothing is to follow the grains but cores; grains move at the next rebuild.
+/// Weights of this rank's grains, in any unit that all ranks use; empty: all the same.
 void Simulation::Parts::cut(std::span<const float> weights) {
   std::vector<Vec3> positions;
   std::vector<float> those_here;
@@ -877,7 +878,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
   if (!(image.domain == scene.domain.box()) || image.periodic != scene.domain.periodic)
     throw SceneError({{"domain", "is not the one that the checkpoint was written with", false}});
   expect_possible(scene, p.walls.surfaces().size(), image);
-  p.step = p.last_surprise = image.step;
+  p.step = p.last_surprise = p.step_of_balance = image.step;
   p.energy_initial = kept_number(image.accumulators, "energy_initial");
   p.has_energy_initial = scene.output.energy;
   for (std::size_t k = 0; k < p.probe_memory.size(); ++k)

@@ -32,7 +32,7 @@ TEST_CASE("threads that come and go at each rebuild change no bit of the state, 
   for (auto& [name, scene, n_steps] : scenes::all()) {
     INFO(name);
     scene.output.energy = true;
-    const int n = n_steps / 2;
+    const int n = n_steps / 4;
     Simulation simulation(scene, 2);
     simulation.force_threads([](std::uint64_t rebuild) { return 1 + static_cast<int>(rebuild * rebuild % 7 % 5); });
     CHECK(trace::difference(trace::record(scene, 1, n, every), trace::record(simulation, n, every)) == "");

@@ -43,7 +43,7 @@ TEST_CASE("ranks with equal work keep the cores of their home") {
 }
 
 TEST_CASE("a dense rank gets the cores of dilute ones, which share one") {
-  const std::vector<double> work = {0.01, 0.92, 0.04, 0.03};
+  const std::vector<double> work = {0.06, 0.72, 0.12, 0.10};
   const std::vector<CoreShare> shares = share_cores(work, std::vector<int>{1, 1, 1, 1});
   CHECK(numbers(shares) == std::vector<int>{1, 3, 1, 1});
   CHECK_FALSE(shares[1].is_shared);
