@@ -114,7 +114,7 @@ void Bed::restart(const LawChoice& choice) {
     if (!(overlap > 0.0)) continue;
     const auto counter = static_cast<std::uint64_t>(k);
     const Vec3 size = limit * overlap * 0.6 * (1.0 + uniform(counter, 9)) * normalized(random_vector(counter, 6));
-    mine.set_memory(k, {{size.x, size.y, size.z}, 0.0});
+    mine.set_memory(k, {{size.x, size.y, size.z}, 0.0, {}});
   }
 }
 

@@ -264,7 +264,7 @@ TEST_CASE("what pairs remember follows them through rebuilds, sorting, crossing 
     for (const Tile& tile : t.tiles)
       for (std::int64_t k = tile.ring_begin; k < tile.pair_end; ++k) {
         const auto p = static_cast<std::size_t>(k);
-        if (t.a[p] != particles.dummy()) t.set_memory(k, {{mark(t.a[p], t.b[p], t.image[p]), 0.0, 0.0}, 0.0});
+        if (t.a[p] != particles.dummy()) t.set_memory(k, {{mark(t.a[p], t.b[p], t.image[p]), 0.0, 0.0}, 0.0, {}});
       }
   PairCount before = pairs_of(built.list, particles);
   shapes::Dice dice(5);
