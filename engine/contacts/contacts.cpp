@@ -36,6 +36,7 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
       motion_(motion_kernel(choice_.has_rotation, choice_.has_ledger)),
       uniform_inverse_mass_(kind.inverse_mass),
       largest_radius_(kind.largest_radius),
+      sizes_(kind.sizes),
       max_overlap_(scene.run.max_overlap),
       walls_(&walls),
       image_shift_(image_shifts(domain_.size())),
@@ -84,10 +85,14 @@ void Contacts::build(Particles& particles, PairCarry& pairs, WallCarry& walls, s
     n_migrated_ += migrate(world_, subdomains_, is_leaving, particles, pairs, walls, n_threads);
     for (int axis = 0; axis < 3; ++axis) wraps[static_cast<std::size_t>(axis)] = subdomains_.spans(world_.rank(), axis);
   }
-  cells_.sort(particles, domain_, wraps, 2.0 * largest_radius_ + skin, n_threads);
+  // In the order of the cells of the smallest; where sizes differ widely, each class has its own cells besides, for the search.
+  cells_.sort(Centres::of(particles), domain_, wraps, 2.0 * sizes_.smallest_limit() + skin, n_threads);
   particles.reorder(cells_.order(), n_threads);
-  if (!world_.is_alone()) ghosts_.make(world_, subdomains_, particles, largest_radius_, skin);
-  pairs_.build(particles, cells_, ghosts_.copies(), image_shift_, skin, needs_, cells_.order(), pairs, n_threads);
+  SizeGrids grids;
+  if (sizes_.size() > 1) grids.build(particles, sizes_, domain_, wraps, image_shift_, skin, n_threads);
+  if (!world_.is_alone()) ghosts_.make(world_, subdomains_, particles, sizes_, grids, skin);
+  pairs_.build(particles, cells_, grids, ghosts_.copies(), image_shift_, skin, needs_, cells_.order(), pairs,
+               n_threads);
   wall_contacts_.build(particles, pairs_, skin, time, cells_.order(), walls, n_threads);
 }
 

@@ -65,9 +65,14 @@ GrainKind kind_of(const World& world, const Particles& particles) {
     }
   }
   world.max(most);
+  SizeClasses::Census radii;
+  for (std::int32_t i = 0; i < particles.size(); ++i) radii.add(particles.radius(i));
+  world.max(std::span<double>(radii.values()));
   GrainKind kind;
   if (most[0] < 0.0) return kind;  // there are no grains
   kind.largest_radius = most[0];
+  radii.add(kind.largest_radius);
+  kind.sizes = SizeClasses(radii);
   kind.smallest_radius = -most[3];
   kind.inverse_mass = most[1];
   kind.mass_ratio = most[1] / -most[4];
@@ -483,7 +488,7 @@ void Simulation::Parts::guard() {
   if (result.is_any_not_finite) throw RunError(explain_not_finite(guard_view()));
   if (result.has_large_overlap) throw RunError(explain_overlap(guard_view()));
   if (result.max_speed * dt > max_travel * kind.smallest_radius) {
-    const std::int32_t fastest = fastest_grain(particles);
+    const std::int32_t fastest = furthest_for_its_size(particles);
     if (fastest >= 0 && length(particles.velocity(fastest)) * dt > max_travel * particles.radius(fastest))
       throw RunError(explain_speed(guard_view(), fastest));
   }
