@@ -9,13 +9,13 @@ namespace moraine {
 
 namespace {
 
-Box bounds_of(const Particles& particles, int n_threads) {
+Box bounds_of(const Centres& centres, int n_threads) {
   std::vector<Box> boxes(static_cast<std::size_t>(n_threads), Box::empty());
   parallel(n_threads, [&](int thread) {
-    const Range share = share_of(particles.size(), thread, n_threads);
+    const Range share = share_of(centres.n, thread, n_threads);
     Box box = Box::empty();
     for (std::int64_t i = share.begin; i < share.end; ++i)
-      if (particles.is_here(i)) box.include(particles.position(i));
+      if (centres.is_here(i)) box.include(centres[i]);
     boxes[static_cast<std::size_t>(thread)] = box;
   });
   Box all = Box::empty();
@@ -56,12 +56,12 @@ std::vector<Cells::Strip> Cells::strips_of(int n_cells) {
 }
 
 /// Decides how wide the cells are, and the part of each axis.
-void Cells::lay_out(const Particles& particles, const Box& domain, int n_threads) {
-  Box box = bounds_of(particles, n_threads);
+void Cells::lay_out(const Centres& centres, const Box& domain, int n_threads) {
+  Box box = bounds_of(centres, n_threads);
   if (box.low.x > box.high.x) box = {domain.low, domain.low};
   std::array<int, 3> counts_by_axis{};
   // Not many more cells than grains: a cell is read each time, filled or not.
-  const double max_cells = 2.0 * particles.size() + 64.0;
+  const double max_cells = 2.0 * centres.n + 64.0;
   double width = reach_;
   for (;;) {
     double total = 1.0;
@@ -105,15 +105,15 @@ std::vector<std::int32_t> Cells::layer_cells() const {
   return first;
 }
 
-void Cells::sort(const Particles& particles, const Box& domain, const std::array<bool, 3>& periodic, double reach,
+void Cells::sort(const Centres& centres, const Box& domain, const std::array<bool, 3>& periodic, double reach,
                  int n_threads) {
   reach_ = reach;
   periodic_ = periodic;
-  lay_out(particles, domain, n_threads);
+  lay_out(centres, domain, n_threads);
 
   // Two levels: grains to layers of columns, keeping their order (each thread counts and places its own share), then each layer by
   // itself along its cells.
-  const std::int32_t n = particles.size();
+  const std::int32_t n = centres.n;
   const std::vector<std::int32_t> first_cell = layer_cells();
   const std::size_t n_layers = first_cell.size() - 1;
   const auto threads = static_cast<std::size_t>(n_threads);
@@ -127,8 +127,8 @@ void Cells::sort(const Particles& particles, const Box& domain, const std::array
     for (std::int64_t i = share.begin; i < share.end; ++i) {
       std::int32_t& layer = layer_of_grain[static_cast<std::size_t>(i)];
       layer = -1;
-      if (!particles.is_here(i)) continue;
-      const std::array<int, 3> where = cell_of(particles.position(i));
+      if (!centres.is_here(i)) continue;
+      const std::array<int, 3> where = cell_of(centres[i]);
       cell[static_cast<std::size_t>(i)] = index_of(where[0], where[1], where[2]);
       layer = layer_of(where);
       ++count[layer];
@@ -183,42 +183,29 @@ void Cells::sort(const Particles& particles, const Box& domain, const std::array
   }
 }
 
-int Cells::runs_after(std::int32_t i, Vec3 position, Run* runs) const {
-  const std::array<int, 3> where = cell_of(position);
-  return runs_near(where, index_of(where[0], where[1], where[2]), i + 1, runs);
-}
-
-int Cells::runs_around(Vec3 point, Run* runs) const {
-  // The point may lie outside the cells; further than one cell outside, nothing is near.
-  std::array<int, 3> cell{};
-  for (std::size_t role = 0; role < 3; ++role) {
-    const int axis = axes_[role];
-    const double c = std::floor((point[axis] - low_[axis]) * inverse_width_[axis]);
-    if (!(c >= -2.0 && c <= counts_[role] + 1.0)) return 0;
-    cell[role] = static_cast<int>(c);
-    if (wraps_[role]) cell[role] = std::clamp(cell[role], 0, counts_[role] - 1);
+/// Calls f(grains) for the pieces of a row of cells, from `first` to `last` along the fast axis: one in each column.
+template <typename Function>
+void Cells::for_each_piece(int slow, int middle, int first, int last, Function f) const {
+  while (first <= last) {
+    const Strip& strip = strips_[1][static_cast<std::size_t>(first)];
+    const int stop = std::min(last, strip.begin + strip.width - 1);
+    const auto begin = static_cast<std::size_t>(index_of(slow, middle, first));
+    f(Range{cell_begin_[begin], cell_begin_[begin + static_cast<std::size_t>(stop - first) + 1]});
+    first = stop + 1;
   }
-  return runs_near(cell, 0, 0, runs);
 }
 
-/// Runs of the grains from `first_grain` on, in the cells around one from `first_cell` on.
-int Cells::runs_near(const std::array<int, 3>& cell, std::int32_t first_cell, std::int32_t first_grain,
-                     Run* runs) const {
+int Cells::runs_after(std::int32_t i, Vec3 position, Run* runs) const {
   const int n_slow = counts_[0], n_middle = counts_[1], n_fast = counts_[2];
-  const int slow = cell[0], middle = cell[1], fast = cell[2];
+  const auto [slow, middle, fast] = cell_of(position);
   int n = 0;
   std::array<int, 3> step{};  // image steps by axis
   const auto add = [&](int s, int m, int first, int last) {
-    while (first <= last) {  // from column to column
-      const Strip& strip = strips_[1][static_cast<std::size_t>(first)];
-      const int stop = std::min(last, strip.begin + strip.width - 1);
-      const auto cells_end = static_cast<std::size_t>(index_of(s, m, stop)) + 1;
-      const std::size_t cells_begin = cells_end - 1 - static_cast<std::size_t>(stop - first);
-      first = stop + 1;
-      if (cells_end <= static_cast<std::size_t>(first_cell)) continue;
-      const std::int32_t begin = std::max(cell_begin_[cells_begin], first_grain), end = cell_begin_[cells_end];
-      if (begin < end) runs[n++] = {{begin, end}, image::code(step[0], step[1], step[2])};
-    }
+    if (first > last) return;
+    for_each_piece(s, m, first, last, [&](Range grains) {
+      grains.begin = std::max<std::int64_t>(grains.begin, i + 1);
+      if (!grains.empty()) runs[n++] = {grains, image::code(step[0], step[1], step[2])};
+    });
   };
   for (int ds = -1; ds <= 1; ++ds) {
     int s = slow + ds, step_slow = 0;
@@ -249,6 +236,60 @@ int Cells::runs_near(const std::array<int, 3>& cell, std::int32_t first_cell, st
     }
   }
   return n;
+}
+
+void Cells::runs_within(Vec3 point, double reach, std::vector<Run>& runs) const {
+  runs.clear();
+  reach *= 1.0 + 1e-9;  // room for rounding, here and where grains were put into cells
+  // Everything in widths of a cell from the low corner, by role; where the domain is periodic, cells go on beyond its faces.
+  std::array<double, 3> centre{}, width{};
+  for (std::size_t role = 0; role < 3; ++role) {
+    const int axis = axes_[role];
+    width[role] = 1.0 / inverse_width_[axis];
+    centre[role] = point[axis] - low_[axis];
+  }
+  const auto cells_between = [&](std::size_t role, double half) {
+    const double low = std::floor((centre[role] - half) / width[role] - 1e-9);
+    const double high = std::floor((centre[role] + half) / width[role] + 1e-9);
+    const double n = counts_[role];
+    const double first = wraps_[role] ? -2.0 * n : 0.0, last = wraps_[role] ? 3.0 * n - 1.0 : n - 1.0;
+    if (!(high >= first && low <= last)) return Range{0, 0};
+    return Range{static_cast<std::int64_t>(std::max(low, first)), static_cast<std::int64_t>(std::min(high, last)) + 1};
+  };
+  const auto gap_to = [&](std::size_t role, std::int64_t cell) {
+    const double low = static_cast<double>(cell) * width[role];
+    return std::max({0.0, low - centre[role], centre[role] - low - width[role]});
+  };
+  const auto period_of = [&](std::size_t role, std::int64_t cell) {
+    const std::int64_t n = counts_[role];
+    return static_cast<int>((cell + 2 * n) / n - 2);
+  };
+  std::array<int, 3> step{};  // image steps by axis
+  const Range slow_cells = cells_between(0, reach);
+  for (std::int64_t slow = slow_cells.begin; slow < slow_cells.end; ++slow) {
+    const int slow_period = period_of(0, slow);
+    step[static_cast<std::size_t>(axes_[0])] = -slow_period;
+    const double slow_gap = gap_to(0, slow), slow_left = reach * reach - slow_gap * slow_gap;
+    const Range middle_cells = cells_between(1, std::sqrt(std::max(0.0, slow_left)));
+    for (std::int64_t middle = middle_cells.begin; middle < middle_cells.end; ++middle) {
+      const int middle_period = period_of(1, middle);
+      step[static_cast<std::size_t>(axes_[1])] = -middle_period;
+      const double middle_gap = gap_to(1, middle), left = slow_left - middle_gap * middle_gap;
+      const Range fast_cells = cells_between(2, std::sqrt(std::max(0.0, left)));
+      for (std::int64_t fast = fast_cells.begin; fast < fast_cells.end;) {
+        const int fast_period = period_of(2, fast);
+        step[static_cast<std::size_t>(axes_[2])] = -fast_period;
+        const std::int64_t origin = std::int64_t{fast_period} * counts_[2];
+        const std::int64_t end = std::min<std::int64_t>(fast_cells.end, origin + counts_[2]);
+        for_each_piece(static_cast<int>(slow - std::int64_t{slow_period} * counts_[0]),
+                       static_cast<int>(middle - std::int64_t{middle_period} * counts_[1]),
+                       static_cast<int>(fast - origin), static_cast<int>(end - 1 - origin), [&](Range grains) {
+                         if (!grains.empty()) runs.push_back({grains, image::code(step[0], step[1], step[2])});
+                       });
+        fast = end;
+      }
+    }
+  }
 }
 
 std::size_t Cells::memory() const { return (order_.capacity() + cell_begin_.capacity()) * sizeof(std::int32_t); }

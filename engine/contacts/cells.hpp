@@ -45,13 +45,26 @@ constexpr bool is_positive(std::uint8_t c) {
 inline constexpr std::size_t n_codes = 125;
 }  // namespace image
 
+/// Centres of grains, as they lie in records or in an array of their own; one that is nowhere has no number for x.
+struct Centres {
+  const double* first = nullptr;
+  std::int64_t stride = 0;  // doubles from one to the next
+  std::int32_t n = 0;
+  Vec3 operator[](std::int64_t i) const {
+    const double* const p = first + i * stride;
+    return {p[0], p[1], p[2]};
+  }
+  bool is_here(std::int64_t i) const { return first[i * stride] == first[i * stride]; }
+  static Centres of(const Particles& particles) { return {particles.records(), particles.stride(), particles.size()}; }
+};
+
 /// Cells over the grains; axes by role: slow (most cells), middle, fast (neighbours in memory). Wide layers are cut along the middle and
 /// the fast axis into columns, which are walked one after the other, each from layer to layer along the slow axis.
 class Cells {
  public:
   /// Lays the cells out for grains whose centres may come nearer than `reach` [m], and finds the sorted order of the grains
   /// (those that have left are left out).
-  void sort(const Particles& particles, const Box& domain, const std::array<bool, 3>& periodic, double reach,
+  void sort(const Centres& centres, const Box& domain, const std::array<bool, 3>& periodic, double reach,
             int n_threads);
 
   /// order()[i] is the present place of the grain that comes to place i.
@@ -63,8 +76,9 @@ class Cells {
   };
   /// Runs of grains that may be near grain i (by sorted place), which lies at `position`, and come after it. At most 27 runs.
   int runs_after(std::int32_t i, Vec3 position, Run* runs) const;
-  /// Runs of all grains that may be near a point that is no grain of these (a ghost). At most 27 runs.
-  int runs_around(Vec3 point, Run* runs) const;
+  /// Runs of all grains that may be nearer than `reach` [m] to a point that is no grain of these, however far that is. Replaces what is
+  /// in `runs`.
+  void runs_within(Vec3 point, double reach, std::vector<Run>& runs) const;
   static constexpr int max_runs = 27;
 
   /// Centres may come nearer than this [m].
@@ -102,9 +116,10 @@ class Cells {
     const Strip& f = strips_[1][static_cast<std::size_t>(cell[2])];
     return (m.number * (strips_[1].back().number + 1) + f.number) * counts_[0] + cell[0];
   }
-  void lay_out(const Particles& particles, const Box& domain, int n_threads);
+  void lay_out(const Centres& centres, const Box& domain, int n_threads);
   std::vector<std::int32_t> layer_cells() const;
-  int runs_near(const std::array<int, 3>& cell, std::int32_t first_cell, std::int32_t first_grain, Run* runs) const;
+  template <typename Function>
+  void for_each_piece(int slow, int middle, int first, int last, Function f) const;
 
   std::array<int, 3> axes_{0, 1, 2};  // which axis is slow, middle, fast
   std::array<int, 3> counts_{1, 1, 1};

@@ -41,6 +41,7 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
       motion_(motion_kernel(choice_.has_rotation, choice_.has_ledger, choice_.has_further())),
       uniform_inverse_mass_(kind.inverse_mass),
       largest_radius_(kind.largest_radius),
+      sizes_(kind.sizes),
       max_overlap_(scene.run.max_overlap),
       range_(laws_.attraction_range(choice_.cohesion, kind.largest_radius)),
       walls_(&walls),
@@ -110,10 +111,15 @@ void Contacts::build(Particles& particles, PairCarry& pairs, WallCarry& walls, s
         migrate(world_, subdomains_, is_leaving, needs_.memory.has_further(), particles, pairs, walls, n_threads);
     for (int axis = 0; axis < 3; ++axis) wraps[static_cast<std::size_t>(axis)] = subdomains_.spans(world_.rank(), axis);
   }
-  cells_.sort(particles, domain_, wraps, 2.0 * largest_radius_ + skin + range_, n_threads);
+  // In the order of the cells of the smallest; where sizes differ widely, each class has its own cells besides, for the search.
+  const double reach = skin + range_;  // between surfaces
+  cells_.sort(Centres::of(particles), domain_, wraps, 2.0 * sizes_.smallest_limit() + reach, n_threads);
   particles.reorder(cells_.order(), n_threads);
-  if (!world_.is_alone()) ghosts_.make(world_, subdomains_, particles, largest_radius_, skin + range_);
-  pairs_.build(particles, cells_, ghosts_.copies(), image_shift_, skin, needs_, cells_.order(), pairs, n_threads);
+  SizeGrids grids;
+  if (sizes_.size() > 1) grids.build(particles, sizes_, domain_, wraps, image_shift_, reach, n_threads);
+  if (!world_.is_alone()) ghosts_.make(world_, subdomains_, particles, sizes_, grids, reach);
+  pairs_.build(particles, cells_, grids, ghosts_.copies(), image_shift_, skin, needs_, cells_.order(), pairs,
+               n_threads);
   wall_contacts_.build(particles, pairs_, skin, time, cells_.order(), walls, n_threads);
 }
 

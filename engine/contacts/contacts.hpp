@@ -14,6 +14,7 @@
 #include "engine/contacts/ghosts.hpp"
 #include "engine/contacts/law_table.hpp"
 #include "engine/contacts/pair_list.hpp"
+#include "engine/contacts/size_classes.hpp"
 #include "engine/contacts/wall_contacts.hpp"
 #include "engine/particles/particles.hpp"
 #include "engine/scene/scene.hpp"
@@ -40,6 +41,7 @@ struct GrainKind {
   double mass_ratio = 1.0;            // largest over smallest
   double smallest_radius = infinity;  // [m]
   double largest_radius = 0.0;        // [m]
+  SizeClasses sizes;
 };
 
 /// A contact with all that the reference law makes of it, for the ledger, probes and messages.
@@ -191,6 +193,7 @@ class Contacts {
   MotionKernel motion_;
   double uniform_inverse_mass_;
   double largest_radius_;
+  SizeClasses sizes_;
   double max_overlap_;
   double range_;
   const Walls* walls_;

@@ -1,5 +1,10 @@
 // Who needs a copy (a ghost) of a grain: the one rule for the engine, which makes the ghosts, and for the projection, which
 // only counts them.
+//
+// First, whoever is nearer to a grain than its radius, the largest of its class of sizes, and the skin: so all see what is as large as
+// their own grains or larger. Then, where there are several classes: the owner of a larger grain needs those smaller ones that are
+// a pair with it. Their owners know the larger one as a ghost by then, and find them; so nobody needs all fines within the reach of
+// a boulder that is not there.
 #pragma once
 
 #include <span>
@@ -9,7 +14,7 @@
 
 namespace moraine {
 
-/// How far from a grain a partner of a pair can lie [m], with room for rounding.
+/// How far from a grain a partner of a pair no larger than `largest_radius` can lie [m], with room for rounding.
 inline double ghost_reach(double radius, double largest_radius, double skin) {
   return (radius + largest_radius + skin) * (1.0 + 1e-12);
 }

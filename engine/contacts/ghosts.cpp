@@ -19,11 +19,11 @@ Ghosts::Link& Ghosts::link_with(int rank) {
   const auto found =
       std::lower_bound(links_.begin(), links_.end(), rank, [](const Link& link, int r) { return link.rank < r; });
   if (found != links_.end() && found->rank == rank) return *found;
-  return *links_.insert(found, Link{rank, {}, 0, 0});
+  return *links_.insert(found, Link{rank, {}, 0, 0, 0});
 }
 
-void Ghosts::make(const World& world, const Subdomains& subdomains, Particles& particles, double largest_radius,
-                  double skin) {
+void Ghosts::make(const World& world, const Subdomains& subdomains, Particles& particles, const SizeClasses& classes,
+                  const SizeGrids& grids, double skin) {
   links_.clear();
   copies_.clear();
   are_fresh_ = true;
@@ -40,35 +40,24 @@ void Ghosts::make(const World& world, const Subdomains& subdomains, Particles& p
   }
 
   const int rank = world.rank();
-  const std::vector<Subdomains::Near> near = subdomains.near(rank, ghost_reach(largest_radius, largest_radius, skin));
-  for (std::int32_t i = 0; i < particles.size(); ++i)
+  const double largest = classes.largest();
+  const std::vector<Subdomains::Near> near = subdomains.near(rank, ghost_reach(largest, largest, skin));
+  for (std::int32_t i = 0; i < particles.size(); ++i) {
+    const double radius = particles.radius(i);
     for_each_needing(subdomains, rank, near, particles.position(i),
-                     ghost_reach(particles.radius(i), largest_radius, skin),
+                     ghost_reach(radius, classes.limit(classes.of(radius)), skin),
                      [&](int other) { link_with(other).sent.push_back(i); });
-  std::vector<Parcel> parcels;
-  for (const Link& link : links_) {
-    ParcelWriter parcel;
-    parcel.put(static_cast<std::uint64_t>(link.sent.size()));
-    for (const std::int32_t i : link.sent) put_grain(particles, i, true, parcel);
-    parcels.push_back({link.rank, parcel.take()});
   }
-  const std::vector<Parcel> arrived = world.exchange(std::move(parcels));
-
-  std::int32_t n_ghosts = 0;
-  for (const Parcel& parcel : arrived) {
-    Link& link = link_with(parcel.rank);
-    link.first_ghost = n_ghosts;
-    link.n_ghosts = static_cast<std::int32_t>(ParcelReader(parcel.bytes).get<std::uint64_t>());
-    n_ghosts += link.n_ghosts;
+  std::vector<std::vector<Parcel>> rounds;
+  rounds.push_back(send_new(world, particles, true));
+  receive(particles, rounds);
+  find_copies(subdomains, rank, particles, largest, skin);
+  if (classes.size() > 1) {
+    add_smaller(particles, classes, grids, skin);
+    rounds.push_back(send_new(world, particles, false));
+    receive(particles, rounds);
+    find_copies(subdomains, rank, particles, largest, skin);
   }
-  particles.set_ghosts(n_ghosts);
-  std::int32_t ghost = particles.size();
-  for (Link& link : links_) link.first_ghost += particles.size();
-  for (const Parcel& parcel : arrived) {
-    ParcelReader reader(parcel.bytes);
-    for (auto n = reader.get<std::uint64_t>(); n > 0; --n) get_grain(reader, true, particles, ghost++);
-  }
-  find_copies(subdomains, rank, particles, largest_radius, skin);
 
   std::vector<Halo::Link> messages;
   const std::size_t bytes = n_refreshed_ * sizeof(double);
@@ -76,8 +65,66 @@ void Ghosts::make(const World& world, const Subdomains& subdomains, Particles& p
   halo_.open(world, std::move(messages));
 }
 
+/// Sends the grains that others need, first or besides, and returns those that come.
+std::vector<Parcel> Ghosts::send_new(const World& world, const Particles& particles, bool is_first) const {
+  std::vector<Parcel> parcels;
+  for (const Link& link : links_) {
+    const std::size_t begin = is_first ? 0 : link.n_first;
+    if (begin == link.sent.size()) continue;
+    ParcelWriter parcel;
+    parcel.put(static_cast<std::uint64_t>(link.sent.size() - begin));
+    for (std::size_t k = begin; k < link.sent.size(); ++k) put_grain(particles, link.sent[k], true, parcel);
+    parcels.push_back({link.rank, parcel.take()});
+  }
+  return world.exchange(std::move(parcels));
+}
+
+/// Puts what has come in all rounds so far behind the grains: of each rank what came first, and then the rest.
+void Ghosts::receive(Particles& particles, std::span<const std::vector<Parcel>> rounds) {
+  for (Link& link : links_) link.n_ghosts = 0;
+  for (const std::vector<Parcel>& round : rounds)
+    for (const Parcel& parcel : round)
+      link_with(parcel.rank).n_ghosts += static_cast<std::int32_t>(ParcelReader(parcel.bytes).get<std::uint64_t>());
+  std::int32_t n_ghosts = 0;
+  for (Link& link : links_) {
+    link.first_ghost = particles.size() + n_ghosts;
+    n_ghosts += link.n_ghosts;
+  }
+  particles.set_ghosts(n_ghosts);
+  std::vector<std::int32_t> next;
+  for (const Link& link : links_) next.push_back(link.first_ghost);
+  for (const std::vector<Parcel>& round : rounds)
+    for (const Parcel& parcel : round) {
+      const auto link = static_cast<std::size_t>(&link_with(parcel.rank) - links_.data());
+      ParcelReader reader(parcel.bytes);
+      for (auto n = reader.get<std::uint64_t>(); n > 0; --n) get_grain(reader, true, particles, next[link]++);
+    }
+}
+
+/// Finds the grains that are smaller than a ghost, and a pair with it: its owner needs them.
+void Ghosts::add_smaller(const Particles& particles, const SizeClasses& classes, const SizeGrids& grids, double skin) {
+  for (Link& link : links_) link.n_first = link.sent.size();
+  SizeGrids::Scratch scratch;
+  for (const GhostCopy& copy : copies_) {
+    const auto link = std::upper_bound(links_.begin(), links_.end(), copy.ghost,
+                                       [](std::int32_t ghost, const Link& l) { return ghost < l.first_ghost; }) -
+                      1;
+    const double radius = particles.radius(copy.ghost);
+    grids.for_each_near(copy.position, (radius + skin) * (1.0 + 1e-12), classes.of(radius), scratch,
+                        [&](std::int32_t j, std::uint8_t) { link->sent.push_back(j); });
+  }
+  for (Link& link : links_) {
+    const auto first_end = link.sent.begin() + static_cast<std::ptrdiff_t>(link.n_first);
+    std::sort(first_end, link.sent.end());
+    const auto is_known = [&](std::int32_t i) { return std::binary_search(link.sent.begin(), first_end, i); };
+    link.sent.erase(std::unique(first_end, link.sent.end()), link.sent.end());
+    link.sent.erase(std::remove_if(first_end, link.sent.end(), is_known), link.sent.end());
+  }
+}
+
 void Ghosts::find_copies(const Subdomains& subdomains, int rank, const Particles& particles, double largest_radius,
                          double skin) {
+  copies_.clear();
   std::array<int, 3> most{};
   for (int axis = 0; axis < 3; ++axis) most[at(axis)] = periodic_[at(axis)] && !subdomains.spans(rank, axis) ? 1 : 0;
   const Box& own = subdomains.box(rank);

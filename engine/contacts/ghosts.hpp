@@ -11,6 +11,8 @@
 #include "comm/subdomains.hpp"
 #include "comm/world.hpp"
 #include "engine/contacts/pair_list.hpp"
+#include "engine/contacts/size_classes.hpp"
+#include "engine/contacts/size_grids.hpp"
 #include "engine/particles/particles.hpp"
 
 namespace moraine {
@@ -28,7 +30,9 @@ class Ghosts {
  public:
   /// Finds out which grains which rank needs, and puts the ghosts that come behind the grains of this one. The grains must have
   /// their final places, and be where `subdomains` puts them. All ranks call it.
-  void make(const World& world, const Subdomains& subdomains, Particles& particles, double largest_radius, double skin);
+  /// `grids` has them by size, where there are several classes.
+  void make(const World& world, const Subdomains& subdomains, Particles& particles, const SizeClasses& classes,
+            const SizeGrids& grids, double skin);
   /// The ghosts, and those periodic images of them that this rank's grains can meet across a cut direction.
   const std::vector<GhostCopy>& copies() const { return copies_; }
 
@@ -49,9 +53,13 @@ class Ghosts {
   struct Link {
     int rank = 0;
     std::vector<std::int32_t> sent;  // places of the grains that it needs
+    std::size_t n_first = 0;         // of them, those that it needs whatever it has itself
     std::int32_t first_ghost = 0;    // places of the ghosts that it sends
     std::int32_t n_ghosts = 0;
   };
+  std::vector<Parcel> send_new(const World& world, const Particles& particles, bool is_first) const;
+  void receive(Particles& particles, std::span<const std::vector<Parcel>> rounds);
+  void add_smaller(const Particles& particles, const SizeClasses& classes, const SizeGrids& grids, double skin);
   void find_copies(const Subdomains& subdomains, int rank, const Particles& particles, double largest_radius,
                    double skin);
   Link& link_with(int rank);

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
+#include <numeric>
 
 #include "engine/threads.hpp"
 #include "kernels/contact/sweep.hpp"
@@ -24,12 +25,12 @@ constexpr std::int64_t round_up(std::int64_t k) { return (k + pair_group - 1) / 
 std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
 
 /// Images in which a grain may meet itself: there are some where the domain is hardly wider than the largest grain.
-std::vector<std::uint8_t> near_own_images(const Cells& cells, std::span<const Vec3> image_shift) {
+std::vector<std::uint8_t> near_own_images(const Cells& cells, double reach, std::span<const Vec3> image_shift) {
   std::vector<std::uint8_t> codes;
   for (std::uint8_t code = 1; code < image_shift.size(); ++code) {
     const auto [x, y, z] = image::steps(code);
     const bool is_neighbour = std::max({std::abs(x), std::abs(y), std::abs(z)}) == 1;
-    if (is_neighbour && image::is_positive(code) && cells.has_image(code) && length(image_shift[code]) < cells.reach())
+    if (is_neighbour && image::is_positive(code) && cells.has_image(code) && length(image_shift[code]) < reach)
       codes.push_back(code);
   }
   return codes;
@@ -37,31 +38,75 @@ std::vector<std::uint8_t> near_own_images(const Cells& cells, std::span<const Ve
 
 }  // namespace
 
+void PairCarry::sort_long_rows() {
+  std::vector<std::size_t> order;
+  const auto put_in_order = [&order](auto& values, std::size_t first) {
+    if (values.empty()) return;
+    const auto row = values.begin() + static_cast<std::ptrdiff_t>(first);
+    const std::vector old(row, row + static_cast<std::ptrdiff_t>(order.size()));
+    for (std::size_t k = 0; k < order.size(); ++k) values[first + k] = old[order[k] - first];
+  };
+  for (std::size_t i = 0; i + 1 < begin.size(); ++i) {
+    const std::size_t first = begin[i], size = begin[i + 1] - first;
+    if (size <= long_row) continue;
+    order.resize(size);
+    std::iota(order.begin(), order.end(), first);
+    std::sort(order.begin(), order.end(),
+              [&](std::size_t x, std::size_t y) { return items[x].other_and_image < items[y].other_and_image; });
+    put_in_order(items, first);
+    put_in_order(energy, first);
+    put_in_order(further, first);
+  }
+}
+
 PairMemory PairCarry::find(End first, End second, std::uint8_t image) const {
   if (items.empty()) return {};
   for (const auto& [at_grain, other] : {std::pair{first, second}, std::pair{second, first}}) {
     if (at_grain.was_at < 0) continue;
     const std::uint64_t wanted = key(other.gid, image);
-    for (std::size_t k = begin[at(at_grain.was_at)]; k < begin[at(at_grain.was_at) + 1]; ++k) {
+    std::size_t k = begin[at(at_grain.was_at)];
+    const std::size_t end = begin[at(at_grain.was_at) + 1];
+    if (end - k > long_row)
+      k = at(std::lower_bound(items.begin() + static_cast<std::ptrdiff_t>(k),
+                              items.begin() + static_cast<std::ptrdiff_t>(end), wanted,
+                              [](const Item& item, std::uint64_t w) { return item.other_and_image < w; }) -
+             items.begin());
+    for (; k < end; ++k) {
       const Item& item = items[k];
       if (item.other_and_image == wanted)
         return {{item.displacement[0], item.displacement[1], item.displacement[2]},
                 energy.empty() ? 0.0 : energy[k],
                 further.empty() ? FurtherMemory{} : further[k]};
+      if (end - begin[at(at_grain.was_at)] > long_row) break;  // sorted
     }
   }
   return {};
 }
 
-void PairList::build(const Particles& particles, const Cells& cells, std::span<const GhostCopy> ghosts,
-                     std::span<const Vec3> image_shift, double skin, const PairNeeds& needs,
-                     std::span<const std::int32_t> was_at, const PairCarry& carry, int n_threads) {
+/// What the search goes through.
+struct PairList::SearchPlace {
+  const Particles& particles;
+  const Cells& cells;
+  const SizeGrids& sizes;
+  std::span<const GhostCopy> ghosts;
+  std::span<const Vec3> image_shift;  // empty where nothing is periodic
+  double skin;                        // [m]
+  std::vector<std::uint8_t> own_images;
+};
+
+void PairList::build(const Particles& particles, const Cells& cells, const SizeGrids& sizes,
+                     std::span<const GhostCopy> ghosts, std::span<const Vec3> image_shift, double skin,
+                     const PairNeeds& needs, std::span<const std::int32_t> was_at, PairCarry& carry, int n_threads) {
+  carry.sort_long_rows();
   const std::int32_t n = particles.size();
   const int n_active = std::max(1, std::min(n_threads, n / min_grains_per_thread));
   range_ = needs.range;
   set_bands(skin);
   furthest_in_ring_ = cells.furthest_in_column();
-  search(particles, cells, ghosts, needs.has_images ? image_shift : std::span<const Vec3>{}, skin + range_, n_active);
+  const double reach = sizes.size() > 0 ? sizes.reach() : cells.reach();
+  search({particles, cells, sizes, ghosts, needs.has_images ? image_shift : std::span<const Vec3>{}, skin + range_,
+          needs.has_images ? near_own_images(cells, reach, image_shift) : std::vector<std::uint8_t>{}},
+         n_active);
   cut(n, n_active);
   is_deferred_.assign(at(n), 0);
   cross_.assign(at(n_active), {});
@@ -78,70 +123,141 @@ void PairList::build(const Particles& particles, const Cells& cells, std::span<c
   parallel(n_active, [&](int thread) { index_entries(particles, needs, thread); });
 }
 
-void PairList::search(const Particles& particles, const Cells& cells, std::span<const GhostCopy> ghosts,
-                      std::span<const Vec3> image_shift, double skin, int n_threads) {
+void PairList::search(const SearchPlace& place, int n_threads) {
+  const Particles& particles = place.particles;
+  const bool is_by_size = place.sizes.size() > 0;
   const std::int32_t n = particles.size();
   // Coordinates in arrays of their own for the filter, with room for a vector behind the last.
   const std::size_t row = at(n) + 8;
   AlignedArray<double> coordinates;
-  coordinates.resize_discarding(4 * row);
-  const Spheres spheres{coordinates.data(), coordinates.data() + row, coordinates.data() + 2 * row,
-                        coordinates.data() + 3 * row};
-  const PairFilter filter = pair_filter();
-  const std::vector<std::uint8_t> own_images = near_own_images(cells, image_shift);
-  raw_.resize(at(n_threads));
+  if (!is_by_size) coordinates.resize_discarding(4 * row);
+  double* const values = coordinates.data();
+  const Spheres spheres = is_by_size ? Spheres{} : Spheres{values, values + row, values + 2 * row, values + 3 * row};
+  raw_.assign(at(n_threads), {});
+  found_.assign(at(is_by_size ? n_threads : 0), {});
   parallel(n_threads, [&](int thread) {
     const Range share = share_of(n, thread, n_threads);
-    for (std::int64_t i = share.begin; i < share.end; ++i)
-      for (int c = 0; c < 4; ++c) coordinates[static_cast<std::size_t>(c) * row + at(i)] = particles.record(i)[c];
-    if (thread == 0)
-      for (std::size_t c = 0; c < 4; ++c) std::fill_n(coordinates.data() + c * row + at(n), 8, 0.0);
-    barrier();
     RawChunk& chunk = raw_[at(thread)];
     chunk.grain_begin = static_cast<std::int32_t>(share.begin);
     chunk.grain_end = static_cast<std::int32_t>(share.end);
     chunk.offsets.assign(at(share.size()) + 1, 0);
-    chunk.j.clear();
-    chunk.image.clear();
-    const auto expected = static_cast<std::size_t>(1.02 * static_cast<double>(n_last_) / n_threads);
-    chunk.j.reserve(expected);
-    if (!image_shift.empty()) chunk.image.reserve(expected);
+    if (is_by_size) {
+      search_by_size(place, thread, n_threads);
+      barrier();
+      put_in_order(place, thread, n_threads);
+      return;
+    }
+    for (std::int64_t i = share.begin; i < share.end; ++i)
+      for (int c = 0; c < 4; ++c) values[static_cast<std::size_t>(c) * row + at(i)] = particles.record(i)[c];
+    if (thread == 0)
+      for (std::size_t c = 0; c < 4; ++c) std::fill_n(values + c * row + at(n), 8, 0.0);
+    barrier();
+    search_in_order(place, spheres, thread, n_threads);
+  });
+  found_ = {};
+  n_tested_ = 0;
+  for (const RawChunk& chunk : raw_) n_tested_ += chunk.n_tested;
+}
+
+/// The images in which grain i is near itself.
+void PairList::search_own_images(const SearchPlace& place, std::int32_t i, std::vector<std::uint8_t>& images) const {
+  images.clear();
+  const double limit = 2.0 * place.particles.radius(i) + place.skin;
+  for (const std::uint8_t code : place.own_images)
+    if (squared_length(place.image_shift[code]) < limit * limit) images.push_back(code);
+}
+
+/// Grains lie in memory as in the cells, and each looks for those that come after it.
+void PairList::search_in_order(const SearchPlace& place, const Spheres& spheres, int thread, int n_threads) {
+  const Particles& particles = place.particles;
+  const PairFilter filter = pair_filter();
+  RawChunk& chunk = raw_[at(thread)];
+  const bool has_images = !place.image_shift.empty();
+  const auto expected = static_cast<std::size_t>(1.02 * static_cast<double>(n_last_) / n_threads);
+  chunk.j.reserve(expected);
+  if (has_images) chunk.image.reserve(expected);
+  std::vector<std::int32_t> found;
+  std::vector<std::uint8_t> images;
+  const auto near = [&](const Cells::Run& run, Vec3 centre, double reach) {
+    const Vec3 seen = run.image ? centre + place.image_shift[run.image] : centre;
+    if (found.size() < at(run.grains.size())) found.resize(at(2 * run.grains.size()));
+    chunk.n_tested += run.grains.size();
+    return filter(spheres, run.grains, seen, reach, found.data());
+  };
+  for (std::int32_t i = chunk.grain_begin; i < chunk.grain_end; ++i) {
+    const Vec3 centre = particles.position(i);
+    const double reach = particles.radius(i) + place.skin;
     Cells::Run runs[Cells::max_runs];
-    std::vector<std::int32_t> found;
-    for (auto i = static_cast<std::int32_t>(share.begin); i < share.end; ++i) {
-      const Vec3 centre = particles.position(i);
-      const double reach = particles.radius(i) + skin;
-      const int n_runs = cells.runs_after(i, centre, runs);
-      for (int r = 0; r < n_runs; ++r) {
-        const Vec3 seen = runs[r].image ? centre + image_shift[runs[r].image] : centre;
-        if (found.size() < at(runs[r].grains.size())) found.resize(at(2 * runs[r].grains.size()));
-        const int n_found = filter(spheres, runs[r].grains, seen, reach, found.data());
-        chunk.j.insert(chunk.j.end(), found.begin(), found.begin() + n_found);
-        if (!image_shift.empty()) chunk.image.insert(chunk.image.end(), at(n_found), runs[r].image);
-      }
-      for (const std::uint8_t code : own_images) {
-        const double limit = reach + particles.radius(i);
-        if (!(squared_length(image_shift[code]) < limit * limit)) continue;
-        chunk.j.push_back(i);
-        chunk.image.push_back(code);
-      }
-      chunk.offsets[at(i - share.begin) + 1] = static_cast<std::uint32_t>(chunk.j.size());
+    const int n_runs = place.cells.runs_after(i, centre, runs);
+    for (int r = 0; r < n_runs; ++r) {
+      const int n_found = near(runs[r], centre, reach);
+      chunk.j.insert(chunk.j.end(), found.begin(), found.begin() + n_found);
+      if (has_images) chunk.image.insert(chunk.image.end(), at(n_found), runs[r].image);
     }
-    chunk.border.clear();
-    const Range ghost_share = share_of(static_cast<std::int64_t>(ghosts.size()), thread, n_threads);
-    for (std::int64_t g = ghost_share.begin; g < ghost_share.end; ++g) {
-      const GhostCopy& copy = ghosts[at(g)];
-      const double reach = particles.radius(copy.ghost) + skin;
-      const int n_runs = cells.runs_around(copy.position, runs);
-      for (int r = 0; r < n_runs; ++r) {
-        const Vec3 seen = runs[r].image ? copy.position + image_shift[runs[r].image] : copy.position;
-        if (found.size() < at(runs[r].grains.size())) found.resize(at(2 * runs[r].grains.size()));
-        const int n_found = filter(spheres, runs[r].grains, seen, reach, found.data());
-        // The run's image is that of the grains seen from the ghost.
-        const std::uint8_t code = image::inverse(image::sum(copy.image, runs[r].image));
-        for (int k = 0; k < n_found; ++k) chunk.border.push_back({found[at(k)], copy.ghost, code});
-      }
+    if (!place.own_images.empty()) {
+      search_own_images(place, i, images);
+      chunk.j.insert(chunk.j.end(), images.size(), i);
+      chunk.image.insert(chunk.image.end(), images.begin(), images.end());
     }
+    chunk.offsets[at(i - chunk.grain_begin) + 1] = static_cast<std::uint32_t>(chunk.j.size());
+  }
+  std::vector<Cells::Run> runs;
+  const Range ghosts = share_of(static_cast<std::int64_t>(place.ghosts.size()), thread, n_threads);
+  for (std::int64_t g = ghosts.begin; g < ghosts.end; ++g) {
+    const GhostCopy& copy = place.ghosts[at(g)];
+    place.cells.runs_within(copy.position, place.cells.reach(), runs);
+    for (const Cells::Run& run : runs) {
+      const int n_found = near(run, copy.position, particles.radius(copy.ghost) + place.skin);
+      // The run's image is that of the grains seen from the ghost.
+      const std::uint8_t code = image::inverse(image::sum(copy.image, run.image));
+      for (int k = 0; k < n_found; ++k) chunk.border.push_back({found[at(k)], copy.ghost, code});
+    }
+  }
+}
+
+/// Each class of sizes has its own cells, and the larger grain finds the smaller one, wherever in memory that lies.
+void PairList::search_by_size(const SearchPlace& place, int thread, int n_threads) {
+  const Particles& particles = place.particles;
+  RawChunk& chunk = raw_[at(thread)];
+  SizeGrids::Scratch scratch;
+  std::vector<FoundPair>& found = found_[at(thread)];
+  place.sizes.for_each_pair(particles, thread, n_threads, scratch,
+                            [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
+                              found.push_back(i < j ? FoundPair{i, j, code} : FoundPair{j, i, image::inverse(code)});
+                            });
+  std::vector<std::uint8_t> images;
+  for (std::int32_t i = chunk.grain_begin; i < chunk.grain_end && !place.own_images.empty(); ++i) {
+    search_own_images(place, i, images);
+    for (const std::uint8_t code : images) found.push_back({i, i, code});
+  }
+  const Range ghosts = share_of(static_cast<std::int64_t>(place.ghosts.size()), thread, n_threads);
+  for (std::int64_t g = ghosts.begin; g < ghosts.end; ++g) {
+    const GhostCopy& copy = place.ghosts[at(g)];
+    place.sizes.for_each_near(copy.position, particles.radius(copy.ghost) + place.skin, place.sizes.size(), scratch,
+                              [&](std::int32_t j, std::uint8_t code) {
+                                chunk.border.push_back({j, copy.ghost, image::inverse(image::sum(copy.image, code))});
+                              });
+  }
+  chunk.n_tested = scratch.n_tested;
+}
+
+/// What all threads have found, as the rows of this thread's grains.
+void PairList::put_in_order(const SearchPlace& place, int thread, int n_threads) {
+  RawChunk& chunk = raw_[at(thread)];
+  const auto for_each_found = [&](auto f) {
+    for (int from = 0; from < n_threads; ++from)
+      for (const FoundPair& pair : found_[at(from)])
+        if (pair.i >= chunk.grain_begin && pair.i < chunk.grain_end) f(pair);
+  };
+  for_each_found([&](const FoundPair& pair) { ++chunk.offsets[at(pair.i - chunk.grain_begin) + 1]; });
+  for (std::size_t k = 1; k < chunk.offsets.size(); ++k) chunk.offsets[k] += chunk.offsets[k - 1];
+  chunk.j.resize(chunk.offsets.back());
+  if (!place.image_shift.empty()) chunk.image.resize(chunk.offsets.back());
+  std::vector<std::uint32_t> next(chunk.offsets.begin(), chunk.offsets.end() - 1);
+  for_each_found([&](const FoundPair& pair) {
+    const std::size_t k = next[at(pair.i - chunk.grain_begin)]++;
+    chunk.j[k] = pair.j;
+    if (!chunk.image.empty()) chunk.image[k] = pair.image;
   });
 }
 
@@ -379,19 +495,21 @@ void PairList::index_entries(const Particles& particles, const PairNeeds& needs,
     const std::uint32_t begin = offsets[i - first];
     const std::size_t size = offsets[i - first + 1] - begin;
     if (row.size() < size) row.resize(size);
-    for (std::size_t q = 0; q < size; ++q) {  // insertion sort: rows are short
+    const auto is_before = [](const auto& x, const auto& y) {
+      if (x.first.gid != y.first.gid) return x.first.gid < y.first.gid;
+      if (x.first.image != y.first.image) return x.first.image < y.first.image;
+      return (x.second & entry_is_b) < (y.second & entry_is_b);
+    };
+    const bool is_long = size > PairCarry::long_row;  // of a grain much larger than those around it
+    for (std::size_t q = 0; q < size; ++q) {
       const std::pair<Key, Entry> item{
           {particles.gid(others[begin + q]), needs.has_images ? codes[begin + q] : std::uint8_t{0}},
           mine.entries[begin + q]};
-      const auto is_before = [](const auto& x, const auto& y) {
-        if (x.first.gid != y.first.gid) return x.first.gid < y.first.gid;
-        if (x.first.image != y.first.image) return x.first.image < y.first.image;
-        return (x.second & entry_is_b) < (y.second & entry_is_b);
-      };
       std::size_t place = q;
-      for (; place > 0 && is_before(item, row[place - 1]); --place) row[place] = row[place - 1];
+      for (; !is_long && place > 0 && is_before(item, row[place - 1]); --place) row[place] = row[place - 1];
       row[place] = item;
     }
+    if (is_long) std::sort(row.begin(), row.begin() + static_cast<std::ptrdiff_t>(size), is_before);
     for (std::size_t q = 0; q < size; ++q) mine.entries[begin + q] = row[q].second;
   }
 

@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "engine/contacts/cells.hpp"
+#include "engine/contacts/size_grids.hpp"
 #include "engine/particles/aligned_array.hpp"
 #include "engine/particles/particles.hpp"
 #include "kernels/base/exact_sum.hpp"
@@ -116,8 +117,11 @@ struct PairCarry {
     std::int32_t was_at;
     std::uint64_t gid;
   };
+  /// Makes long rows fit for find(): a boulder touches thousands. Before the first find().
+  void sort_long_rows();
   /// Memory of the pair; zeros where they did not touch.
   PairMemory find(End first, End second, std::uint8_t image) const;
+  static constexpr std::size_t long_row = 32;
 };
 
 /// A ghost as the cells of this rank's grains see it: itself, or one of its periodic images.
@@ -148,10 +152,13 @@ struct PairNeeds {
 class PairList {
  public:
   /// Pairs of grains nearer than the sum of their radii plus skin (and the range of their attraction). The grains must be sorted as in `cells`; `was_at` gives the
-  /// place that each had before (to find its memory in `carry`).
-  void build(const Particles& particles, const Cells& cells, std::span<const GhostCopy> ghosts,
+  /// place that each had before (to find its memory in `carry`, whose long rows are sorted for it). Where there are several classes of sizes, `sizes` has the cells for the
+  /// search, and `cells` only the order; otherwise it is empty.
+  void build(const Particles& particles, const Cells& cells, const SizeGrids& sizes, std::span<const GhostCopy> ghosts,
              std::span<const Vec3> image_shift, double skin, const PairNeeds& needs,
-             std::span<const std::int32_t> was_at, const PairCarry& carry, int n_threads);
+             std::span<const std::int32_t> was_at, PairCarry& carry, int n_threads);
+  /// Grains that the search for the present list has tested for being near one.
+  std::int64_t n_tested() const { return n_tested_; }
   /// The memory of all pairs that have a force, by present places. `is_leaving` marks the grains that go to other ranks (empty: none): pairs of
   /// these stand at both grains.
   PairCarry carry(const Particles& particles, std::span<const std::uint8_t> is_leaving, bool has_energy,
@@ -197,8 +204,12 @@ class PairList {
         f(t.a[p], t.b[p], t.image.size() ? t.image[p] : std::uint8_t{0}, t.history.size() ? &memory : nullptr);
       }
   }
-  void search(const Particles& particles, const Cells& cells, std::span<const GhostCopy> ghosts,
-              std::span<const Vec3> image_shift, double skin, int n_threads);
+  struct SearchPlace;
+  void search(const SearchPlace& place, int n_threads);
+  void search_in_order(const SearchPlace& place, const Spheres& spheres, int thread, int n_threads);
+  void search_by_size(const SearchPlace& place, int thread, int n_threads);
+  void put_in_order(const SearchPlace& place, int thread, int n_threads);
+  void search_own_images(const SearchPlace& place, std::int32_t i, std::vector<std::uint8_t>& images) const;
   void cut(std::int32_t n_grains, int n_threads);
   void mark_deferred(int thread);
   void lay_out(const Particles& particles, std::span<const Vec3> image_shift, const PairNeeds& needs,
@@ -220,6 +231,12 @@ class PairList {
     std::vector<std::int32_t> j;
     std::vector<std::uint8_t> image;  // of j seen from i; empty without periodic directions
     std::vector<BorderPair> border;   // of any grains
+    std::int64_t n_tested = 0;
+  };
+  /// A pair as it is found where sizes differ: i comes first in memory.
+  struct FoundPair {
+    std::int32_t i, j;
+    std::uint8_t image;  // of j seen from i
   };
   /// A pair whose second grain belongs to a later thread.
   struct CrossPair {
@@ -236,6 +253,8 @@ class PairList {
       0;  // places from the first to the second grain of a pair whose slot goes to the ring
   double range_ = 0.0;                      // [m] as PairNeeds has it
   std::vector<RawChunk> raw_;
+  std::vector<std::vector<FoundPair>> found_;  // by the thread that found them
+  std::int64_t n_tested_ = 0;
   std::int64_t n_last_ = 0;                    // pairs of the last list, to expect as many
   std::vector<std::vector<CrossPair>> cross_;  // by owning thread
   std::vector<std::uint32_t> kept_base_;       // first kept slot of each thread

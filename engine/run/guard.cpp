@@ -79,6 +79,20 @@ std::int32_t fastest_grain(const Particles& particles) {
   return fastest;
 }
 
+std::int32_t furthest_for_its_size(const Particles& particles) {
+  std::int32_t furthest = -1;
+  double most = -1.0;
+  for (std::int32_t i = 0; i < particles.size(); ++i) {
+    if (!particles.is_here(i)) continue;
+    const double radius = particles.radius(i), v = squared_length(particles.velocity(i)) / (radius * radius);
+    if (v > most || (v == most && particles.gid(i) < particles.gid(furthest))) {
+      most = v;
+      furthest = i;
+    }
+  }
+  return furthest;
+}
+
 std::string explain_overlap(const GuardView& view) {
   ContactReport worst;
   double ratio = -1.0;

@@ -42,5 +42,7 @@ std::int32_t first_not_finite(const Particles& particles);
 
 /// Index of the fastest grain, or -1 where there are none.
 std::int32_t fastest_grain(const Particles& particles);
+/// The one that moves by most of its own radius in a step, or -1.
+std::int32_t furthest_for_its_size(const Particles& particles);
 
 }  // namespace moraine

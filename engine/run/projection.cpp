@@ -6,9 +6,9 @@
 #include <ctime>
 #include <numeric>
 
-#include "engine/contacts/cells.hpp"
 #include "engine/contacts/ghost_rule.hpp"
 #include "engine/contacts/law_table.hpp"
+#include "engine/contacts/size_grids.hpp"
 #include "engine/particles/fields.hpp"
 #include "engine/particles/particles.hpp"
 #include "engine/run/decomposition.hpp"
@@ -57,9 +57,11 @@ Projection::Projection(const Scene& scene, std::span<const GrainSeed> grains, in
   const Plan plan = make_plan(scene, n_threads);
   widest_skin_ = widest_skin(scene, plan);
   skin_ = plan.skin;
+  SizeClasses::Census census;
   for (const GrainSeed& grain : grains) {
     positions_.push_back(grain.position);
     radii_.push_back(grain.radius);
+    census.add(grain.radius);
     largest_radius_ = std::max(largest_radius_, grain.radius);
   }
   // Pairs, ghosts and cuts reach as far as the skin and what attracts beyond contact.
@@ -68,6 +70,7 @@ Projection::Projection(const Scene& scene, std::span<const GrainSeed> grains, in
       cohesion == CohesionLaw::none ? 0.0 : SceneLaws(scene).attraction_range(cohesion, largest_radius_);
   widest_skin_ += range;
   skin_ += range;
+  sizes_ = SizeClasses(census);
   for (int axis = 0; axis < 3; ++axis)  // a grain is kept apart from its own image
     if (scene.domain.periodic[at(axis)])
       skin_ = std::min(skin_, scene.domain.box().size()[axis] - 2.0 * largest_radius_);
@@ -77,31 +80,25 @@ Projection::Projection(const Scene& scene, std::span<const GrainSeed> grains, in
 void Projection::find_pairs(std::span<const GrainSeed> grains) {
   FieldNeeds needs;
   needs.rotation = false;
-  Particles sorted(needs);
-  put_grains(scene_, {grains.begin(), grains.end()}, sorted);
-  Cells cells;
-  const Box domain = scene_.domain.box();
-  cells.sort(sorted, domain, scene_.domain.periodic, 2.0 * largest_radius_ + skin_, n_threads_);
-  sorted.reorder(cells.order(), n_threads_);
+  Particles particles(needs);
+  put_grains(scene_, {grains.begin(), grains.end()}, particles);
+  std::vector<Vec3> shifts(image::n_codes);
+  const Vec3 period = scene_.domain.box().size();
+  for (std::uint8_t code = 0; code < image::n_codes; ++code) {
+    const auto steps = image::steps(code);
+    shifts[code] = {steps[0] * period.x, steps[1] * period.y, steps[2] * period.z};
+  }
+  SizeGrids grids;
+  grids.build(particles, sizes_, scene_.domain.box(), scene_.domain.periodic, shifts, skin_, n_threads_);
   std::vector<std::vector<Pair>> found(at(n_threads_));
   parallel(n_threads_, [&](int thread) {
-    const Range share = share_of(sorted.size(), thread, n_threads_);
-    Cells::Run runs[Cells::max_runs];
-    for (auto i = static_cast<std::int32_t>(share.begin); i < share.end; ++i) {
-      const int n_runs = cells.runs_after(i, sorted.position(i), runs);
-      for (int r = 0; r < n_runs; ++r) {
-        const auto steps = image::steps(runs[r].image);
-        Vec3 seen = sorted.position(i);
-        for (int axis = 0; axis < 3; ++axis) seen[axis] += steps[at(axis)] * domain.size()[axis];
-        for (std::int64_t j = runs[r].grains.begin; j < runs[r].grains.end; ++j) {
-          const double radii = sorted.radius(i) + sorted.radius(j), limit = radii + skin_;
-          const double squared = squared_length(seen - sorted.position(j));
-          if (squared < limit * limit)
-            found[at(thread)].push_back({static_cast<std::int32_t>(sorted.gid(i)),
-                                         static_cast<std::int32_t>(sorted.gid(j)), squared < radii * radii});
-        }
-      }
-    }
+    SizeGrids::Scratch scratch;
+    grids.for_each_pair(particles, thread, n_threads_, scratch, [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
+      const double radii = particles.radius(i) + particles.radius(j);
+      const double squared = squared_length(particles.position(i) + shifts[code] - particles.position(j));
+      found[at(thread)].push_back({static_cast<std::int32_t>(particles.gid(i)),
+                                   static_cast<std::int32_t>(particles.gid(j)), squared < radii * radii});
+    });
   });
   for (std::vector<Pair>& share : found) {
     pairs_.insert(pairs_.end(), share.begin(), share.end());
@@ -151,17 +148,41 @@ void Projection::count_pairs(std::span<const std::int32_t> owners, std::vector<R
   }
 }
 
+/// What owners of larger grains need of others besides (ghost_rule.hpp), in order of grain.
+std::vector<Projection::Smaller> Projection::smaller_ones(std::span<const std::int32_t> owners) const {
+  std::vector<Smaller> smaller;
+  for (const Pair& pair : pairs_) {
+    if (sizes_.size() == 1 || owners[at(pair.a)] == owners[at(pair.b)]) continue;
+    const int class_a = sizes_.of(radii_[at(pair.a)]), class_b = sizes_.of(radii_[at(pair.b)]);
+    if (class_a < class_b) smaller.push_back({pair.a, owners[at(pair.b)]});
+    if (class_b < class_a) smaller.push_back({pair.b, owners[at(pair.a)]});
+  }
+  std::sort(smaller.begin(), smaller.end());
+  smaller.erase(std::unique(smaller.begin(), smaller.end()), smaller.end());
+  return smaller;
+}
+
 std::vector<Projection::Sent> Projection::sent_from(const Subdomains& parts, int part,
-                                                    std::span<const std::int32_t> own) const {
+                                                    std::span<const std::int32_t> own,
+                                                    std::span<const Smaller> smaller) const {
   const auto near = parts.near(part, ghost_reach(largest_radius_, largest_radius_, skin_));
   std::vector<Sent> sent;
   for (const Subdomains::Near& other : near)
     if (sent.empty() || sent.back().to != other.part) sent.push_back({other.part, 0});
-  for (const std::int32_t i : own)
-    for_each_needing(
-        parts, part, near, positions_[at(i)], ghost_reach(radii_[at(i)], largest_radius_, skin_), [&](int to) {
-          ++std::lower_bound(sent.begin(), sent.end(), to, [](const Sent& s, int t) { return s.to < t; })->n;
-        });
+  const auto count = [&](int to) {
+    ++std::lower_bound(sent.begin(), sent.end(), to, [](const Sent& s, int t) { return s.to < t; })->n;
+  };
+  auto next = smaller.begin();
+  std::vector<int> named;
+  for (const std::int32_t i : own) {
+    named.clear();
+    const double reach = ghost_reach(radii_[at(i)], sizes_.limit(sizes_.of(radii_[at(i)])), skin_);
+    for_each_needing(parts, part, near, positions_[at(i)], reach, [&](int to) { named.push_back(to); });
+    while (next != smaller.end() && next->grain < i) ++next;
+    for (; next != smaller.end() && next->grain == i; ++next)
+      if (std::find(named.begin(), named.end(), next->to) == named.end()) named.push_back(next->to);
+    for (const int to : named) count(to);
+  }
   std::erase_if(sent, [](const Sent& s) { return s.n == 0; });
   return sent;
 }
@@ -169,11 +190,12 @@ std::vector<Projection::Sent> Projection::sent_from(const Subdomains& parts, int
 void Projection::count_ghosts(const Subdomains& parts, std::span<const std::int32_t> owners,
                               std::vector<RankCounts>& ranks) const {
   const ByPart sorted = by_part(owners, parts.size());
+  const std::vector<Smaller> smaller = smaller_ones(owners);
   std::vector<std::vector<Sent>> sent(ranks.size());
   parallel(n_threads_, [&](int thread) {
     const Range share = share_of(parts.size(), thread, n_threads_);
     for (std::int64_t part = share.begin; part < share.end; ++part)
-      sent[at(part)] = sent_from(parts, static_cast<int>(part), sorted.of(part));
+      sent[at(part)] = sent_from(parts, static_cast<int>(part), sorted.of(part), smaller);
   });
   std::vector<std::vector<int>> neighbours(ranks.size());
   for (std::size_t part = 0; part < ranks.size(); ++part)

@@ -2,12 +2,14 @@
 // would take. README.md has the model of the time.
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "comm/subdomains.hpp"
+#include "engine/contacts/size_classes.hpp"
 #include "engine/scene/scene.hpp"
 
 namespace moraine {
@@ -60,11 +62,20 @@ class Projection {
   void count_pairs(std::span<const std::int32_t> owners, std::vector<RankCounts>& ranks) const;
   void count_ghosts(const Subdomains& parts, std::span<const std::int32_t> owners,
                     std::vector<RankCounts>& ranks) const;
-  std::vector<Sent> sent_from(const Subdomains& parts, int part, std::span<const std::int32_t> own) const;
+  /// A grain that another part needs for a larger one of its own.
+  struct Smaller {
+    std::int32_t grain;
+    int to;
+    auto operator<=>(const Smaller&) const = default;
+  };
+  std::vector<Smaller> smaller_ones(std::span<const std::int32_t> owners) const;
+  std::vector<Sent> sent_from(const Subdomains& parts, int part, std::span<const std::int32_t> own,
+                              std::span<const Smaller> smaller) const;
 
   Scene scene_;  // without its lists of grains
   int n_threads_;
   double skin_ = 0.0, widest_skin_ = 0.0, largest_radius_ = 0.0;  // [m]
+  SizeClasses sizes_;
   std::vector<Vec3> positions_;
   std::vector<double> radii_;
   std::vector<Pair> pairs_;

@@ -87,16 +87,22 @@ GrainKind kind_of(const World& world, const Scene& scene, const Particles& parti
       most[k + 3] = std::max(most[k + 3], -values[k]);
     }
   };
+  SizeClasses::Census radii;
   for (std::int32_t i = 0; i < particles.size(); ++i)
     include({particles.radius(i), particles.inverse_mass(i), static_cast<double>(particles.material(i))});
   for_each_kind_to_come(scene, [&](double radius, std::uint16_t material) {
     const double mass = scene.materials[material].density * sphere_volume(radius);
     include({radius, 1.0 / mass, static_cast<double>(material)});
+    radii.add(radius);
   });
   world.max(most);
+  for (std::int32_t i = 0; i < particles.size(); ++i) radii.add(particles.radius(i));
+  world.max(std::span<double>(radii.values()));
   GrainKind kind;
   if (most[0] < 0.0) return kind;  // there are no grains
   kind.largest_radius = most[0];
+  radii.add(kind.largest_radius);
+  kind.sizes = SizeClasses(radii);
   kind.smallest_radius = -most[3];
   kind.inverse_mass = most[1];
   kind.mass_ratio = most[1] / -most[4];
@@ -705,7 +711,7 @@ void Simulation::Parts::guard() {
     contacts->watch_overlaps_beyond(recorder.watched_overlap());
   }
   if (travel > 1.0) {
-    const std::int32_t fastest = fastest_grain(particles);
+    const std::int32_t fastest = furthest_for_its_size(particles);
     if (fastest >= 0 && length(particles.velocity(fastest)) * dt > max_travel * particles.radius(fastest))
       stop(explain_speed(guard_view(), fastest), {fastest});
   }

@@ -183,6 +183,35 @@ inline Scene polydisperse() {
   return s;
 }
 
+/// Boulders fall among fines of a tenth of their size, periodic along x and y: fines belong to one rank and touch a boulder of another.
+inline Scene boulders() {
+  Scene s = basic();
+  s.contact.tangential = TangentialLaw::spring;
+  s.time.step = 1e-5;
+  s.domain.high = {0.3, 0.1, 0.1};
+  s.domain.periodic = {true, true, false};
+  s.time.gravity = {1.0, 0.0, -9.81};
+  for (const bool is_fine : {true, false}) {
+    ParticleGroup group;
+    group.material = is_fine ? "glass" : "steel";
+    group.diameter.value = is_fine ? 0.004 : 0.04;
+    RandomFill fill;
+    Box box = s.domain.box();
+    (is_fine ? box.high.z : box.low.z) = is_fine ? 0.025 : 0.03;
+    fill.region = BoxRegion{box};
+    fill.count = is_fine ? 900 : 4;
+    group.fill = fill;
+    group.velocity = {is_fine ? 0.0 : 0.5, 0.1, is_fine ? -0.2 : -1.5};
+    group.velocity_deviation = 0.1;
+    group.seed = is_fine ? 11 : 12;
+    s.particles.push_back(group);
+  }
+  add_wall(s, "floor", PlaneShape{{0, 0, 0}, {0, 0, 1}}, "steel");
+  add_wall(s, "lid", PlaneShape{{0, 0, 0.1}, {0, 0, -1}}, "steel");
+  add_probe(s, Probe::Kind::contacts, "contacts");
+  return s;
+}
+
 /// Two dimensions, periodic along x; grains run over a wedge of mesh and drain through a hole in the floor.
 inline Scene flat() {
   Scene s = basic();
@@ -517,6 +546,7 @@ inline std::vector<Named> all() {
           {"hopper", hopper(), 3500},
           {"gas", gas(), 2500},
           {"polydisperse", polydisperse(), 3000},
+          {"boulders", boulders(), 1500},
           {"flat", flat(), 4000},
           {"mirrored", mirrored(), 3000},
           {"drum", drum(), 2500},

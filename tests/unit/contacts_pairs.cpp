@@ -92,7 +92,7 @@ TEST_CASE("sorting puts every grain in its place once and leaves out those that 
     }
   }
   Cells cells;
-  cells.sort(particles, setting.domain, setting.periodic, 0.1, 3);
+  cells.sort(Centres::of(particles), setting.domain, setting.periodic, 0.1, 3);
   particles.reorder(cells.order(), 3);
   REQUIRE(particles.size() == static_cast<std::int32_t>(expected.size()));
   std::set<std::uint64_t> found(particles.gids(), particles.gids() + particles.size());
@@ -107,8 +107,8 @@ TEST_CASE("the order of the grains does not depend on the number of threads") {
   setting.n = 2000;
   const Particles particles = random_particles(setting, 10);
   Cells one, many;
-  one.sort(particles, setting.domain, {true, false, true}, 0.11, 1);
-  many.sort(particles, setting.domain, {true, false, true}, 0.11, 7);
+  one.sort(Centres::of(particles), setting.domain, {true, false, true}, 0.11, 1);
+  many.sort(Centres::of(particles), setting.domain, {true, false, true}, 0.11, 7);
   CHECK(one.order() == many.order());
 }
 
@@ -234,6 +234,64 @@ TEST_CASE("a wide bed is walked in columns: the same pairs, and rings that do no
       else
         CHECK(built.list.threads()[0].ring_mask <= 2 * widest_ring + 1);  // they are powers of two
     }
+  }
+}
+
+TEST_CASE("where sizes differ by up to 1:100, every near pair of grains and images is found once, for any threads") {
+  std::uint64_t seed = 501;
+  std::size_t n_pairs = 0;
+  for (Setting setting : settings())
+    for (const double ratio : {10.0, 100.0}) {
+      setting.smallest = setting.largest / ratio;
+      setting.is_by_factors = true;
+      setting.n = 150;
+      const PairCount expected = pairs_by_brute_force(random_particles(setting, seed), setting, setting.skin);
+      n_pairs += expected.size();
+      for (const int n_threads : {1, 2}) {
+        INFO("seed " << seed << ", " << n_threads << " threads");
+        Particles particles = random_particles(setting, seed);
+        Built built;
+        build(built, particles, setting, needs_of(setting), {}, n_threads);
+        REQUIRE(difference(expected, pairs_of(built.list, particles)) == "");
+        REQUIRE(built.list.size() == static_cast<std::int64_t>(expected.size()));
+      }
+      ++seed;
+    }
+  CHECK(n_pairs > 20000);
+}
+
+TEST_CASE("a boulder of ten or a hundred times the size among fines costs no more tests a pair than one size") {
+  // Fines on a shaken lattice above and around the top of a boulder, or in its stead.
+  const double fine = 0.01, step = 0.021;
+  double of_one_size = 0.0;
+  for (const double boulder : {0.0, 10.0 * fine, 100.0 * fine}) {
+    Setting setting;
+    setting.domain = {{-2, -2, -2}, {2, 2, 2}};
+    setting.skin = 0.002;
+    shapes::Dice dice(7);
+    std::vector<Vec3> places;
+    if (boulder > 0.0) places.push_back({0, 0, -boulder});
+    for (double x = -0.3; x < 0.3; x += step)
+      for (double y = -0.3; y < 0.3; y += step)
+        for (double z = -0.15; z < 0.1; z += step)
+          if (length(Vec3{x, y, z + boulder}) >= boulder + fine)
+            places.push_back(Vec3{x, y, z} + dice.point({-0.001, -0.001, -0.001}, {0.001, 0.001, 0.001}));
+    setting.n = static_cast<int>(places.size());
+    setting.largest = boulder > 0.0 ? boulder : fine;  // the first
+    setting.smallest = fine;
+    Particles particles = random_particles(setting, 3);
+    for (std::int32_t i = 0; i < setting.n; ++i) {
+      const Vec3 p = places[static_cast<std::size_t>(i)];
+      for (int c = 0; c < 3; ++c) particles.set_real(Field::position, i, c, p[c]);
+      if (i > 0) particles.set_real(Field::radius, i, 0, fine);
+    }
+    Built built;
+    build(built, particles, setting, needs_of(setting), {}, 2);
+    INFO(setting.n << " grains, " << built.list.size() << " pairs, " << built.list.n_tested() << " tested");
+    const double tests_a_pair = static_cast<double>(built.list.n_tested()) / static_cast<double>(built.list.size());
+    if (boulder == 0.0) of_one_size = tests_a_pair;
+    CHECK(built.list.size() > 300);
+    CHECK(tests_a_pair < 1.3 * of_one_size);
   }
 }
 

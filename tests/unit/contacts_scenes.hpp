@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <map>
 #include <numeric>
@@ -20,6 +21,7 @@ struct Setting {
   double smallest = 0.0, largest = 0.0;  // radii [m]
   double skin = 0.0;                     // [m]
   int n = 0;
+  bool is_by_factors = false;  // as many grains from one radius to its double as from that to its double
 };
 
 /// Grains of a setting, gids in an order that has nothing to do with place; they may overlap at will.
@@ -38,8 +40,12 @@ inline Particles random_particles(const Setting& setting, std::uint64_t seed) {
       particles.set_real(Field::velocity, i, c, 0.0);
       particles.set_real(Field::angular_velocity, i, c, 0.0);
     }
-    // the largest grain is there for sure
-    particles.set_real(Field::radius, i, 0, i == 0 ? setting.largest : dice.uniform(setting.smallest, setting.largest));
+    const auto radius = [&] {
+      return setting.is_by_factors
+                 ? setting.smallest * std::pow(setting.largest / setting.smallest, dice.uniform(0.0, 1.0))
+                 : dice.uniform(setting.smallest, setting.largest);
+    };
+    particles.set_real(Field::radius, i, 0, i == 0 ? setting.largest : radius());  // the largest is there for sure
     particles.set_real(Field::inverse_mass, i, 0, 1.0);
     particles.set_real(Field::inverse_inertia, i, 0, 1.0);
     particles.set_gid(i, gids[static_cast<std::size_t>(i)]);
@@ -116,14 +122,20 @@ struct Built {
 };
 
 /// Sorts the grains and makes the list, as a rebuild does.
-inline void build(Built& built, Particles& particles, const Setting& setting, const PairNeeds& needs,
-                  const PairCarry& carry, int n_threads) {
-  double largest = 0.0;
-  for (std::int32_t i = 0; i < particles.size(); ++i) largest = std::max(largest, particles.radius(i));
+inline void build(Built& built, Particles& particles, const Setting& setting, const PairNeeds& needs, PairCarry carry,
+                  int n_threads) {
+  SizeClasses::Census radii;
+  for (std::int32_t i = 0; i < particles.size(); ++i) radii.add(particles.radius(i));
+  const SizeClasses classes(radii);
   const std::vector<Vec3> shifts = image_shifts(setting.domain);
-  built.cells.sort(particles, setting.domain, setting.periodic, 2.0 * largest + setting.skin, n_threads);
+  built.cells.sort(Centres::of(particles), setting.domain, setting.periodic,
+                   2.0 * classes.smallest_limit() + setting.skin, n_threads);
   particles.reorder(built.cells.order(), n_threads);
-  built.list.build(particles, built.cells, {}, shifts, setting.skin, needs, built.cells.order(), carry, n_threads);
+  SizeGrids sizes;
+  if (classes.size() > 1)
+    sizes.build(particles, classes, setting.domain, setting.periodic, shifts, setting.skin, n_threads);
+  built.list.build(particles, built.cells, sizes, {}, shifts, setting.skin, needs, built.cells.order(), carry,
+                   n_threads);
 }
 
 inline PairNeeds needs_of(const Setting& setting) {
