@@ -270,6 +270,11 @@ void write_frame(Hdf5Writer& file, const Image& image, const std::string& kind, 
   file.attribute_of("gas", "spacing", {size.x / cells[0], size.y / cells[1], size.z / cells[2]});
 }
 
+/// A checkpoint keeps all that accumulates; a snapshot only shows where the walls are.
+bool is_shown(const Content& content, const std::string& name) {
+  return content.record != nullptr || name.starts_with(pose_name(""));
+}
+
 /// What is the same on all ranks besides the frame.
 void write_common(Hdf5Writer& file, const Content& content) {
   if (content.record != nullptr) {
@@ -277,7 +282,8 @@ void write_common(Hdf5Writer& file, const Content& content) {
     file.attribute("commit", content.record->commit);
     file.text("scene", content.record->scene);
   }
-  for (const auto& [name, values] : content.image->accumulators) file.dataset("accumulators/" + encoded(name), values);
+  for (const auto& [name, values] : content.image->accumulators)
+    if (is_shown(content, name)) file.dataset("accumulators/" + encoded(name), values);
 }
 
 std::string kind_of(const Content& content) { return content.record != nullptr ? "checkpoint" : "snapshot"; }
