@@ -685,7 +685,8 @@ std::string Simulation::Parts::fault_of_grains() const {
                           is_finite(particles.angular_velocity(i));
     if (is_sound && box.contains(particles.position(i))) continue;
     return "the grain with gid " + std::to_string(particles.gid(i)) +
-           (is_sound ? " has been put outside the domain" : " has been given a position or velocity that is not finite");
+           (is_sound ? " has been put outside the domain"
+                     : " has been given a position or velocity that is not finite");
   }
   if (n_away != census.n_left - n_left_at_rebuild) return "a grain has been given a position that is not a number";
   return {};

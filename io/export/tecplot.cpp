@@ -13,6 +13,7 @@ namespace moraine {
 namespace {
 
 constexpr const char* axis_names[] = {"x", "y", "z"};
+constexpr const char* place_names[] = {"X", "Y", "Z"};  // in metres; readers know coordinates by these
 
 /// One variable of a zone, with its value at each point.
 struct Variable {
@@ -54,7 +55,7 @@ void add_field(std::vector<Variable>& variables, const FieldArray& array) {
                              : width == 3 ? fmt::format("{}_{}", name, axis_names[c])
                                           : fmt::format("{}_{}", name, c);
     const bool is_place = array.field == Field::position;
-    Variable& variable = variables.emplace_back(Variable{with_unit(is_place ? axis_names[c] : part, row.unit), {}});
+    Variable& variable = variables.emplace_back(Variable{is_place ? place_names[c] : with_unit(part, row.unit), {}});
     for (std::size_t i = c; i < array.reals.size(); i += width) variable.values.push_back(array.reals[i]);
   }
 }
@@ -76,7 +77,7 @@ std::string tecplot_gas(const Image& image) {
   const std::array<int, 3> n = gas_cells(image);
   const Vec3 low = image.domain.low, size = image.domain.size();
   std::vector<Variable> variables(3);
-  for (std::size_t axis = 0; axis < 3; ++axis) variables[axis].name = fmt::format("{} [m]", axis_names[axis]);
+  for (std::size_t axis = 0; axis < 3; ++axis) variables[axis].name = place_names[axis];
   std::array<int, 3> at{};
   for (at[2] = 0; at[2] < n[2]; ++at[2])
     for (at[1] = 0; at[1] < n[1]; ++at[1])

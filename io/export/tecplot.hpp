@@ -7,7 +7,7 @@
 
 namespace moraine {
 
-/// The grains in order of gid: x, y, z, then every other field, vectors as three variables. Numbers read back to the same bits. Throws
+/// The grains in order of gid: X, Y, Z [m], then every other field, vectors as three variables. Numbers read back to the same bits. Throws
 /// ExportError where there are no positions.
 std::string tecplot_grains(const Image& image);
 

@@ -337,7 +337,7 @@ TEST_CASE("a slice of the gas has the cells of the middle layer, and unknown qua
 TEST_CASE("Tecplot files have a zone with every grain") {
   const std::vector<std::string> lines = split(tecplot_grains(make_image(7)), '\n');
   REQUIRE(lines.size() == 3 + 7);
-  CHECK(lines[1].find("\"x [m]\" \"y [m]\" \"z [m]\"") != std::string::npos);
+  CHECK(lines[1].find("\"X\" \"Y\" \"Z\"") != std::string::npos);
   CHECK(lines[2].find("I=7, J=1, K=1, DATAPACKING=POINT") != std::string::npos);
 }
 
