@@ -22,7 +22,7 @@ import tempfile
 import time
 from pathlib import Path
 
-PATIENCE = 60  # [s] until a job must have ended after it was hurt, or have come to its next checkpoint
+PATIENCE = 300  # [s], for busy machines, until a job must have ended after it was hurt, or have come to its next checkpoint
 LAYOUTS = ["1x1", "2x1", "1x2", "3x1", "2x2"]
 N_STEPS = 600
 BED = """
@@ -144,7 +144,10 @@ class Job:
         if self.process.poll() is not None and not left:
             return self.process.returncode
         for pid in left:
-            os.kill(pid, signal.SIGKILL)
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:  # at last
+                pass
         self.process.wait()
         raise Lost(f"hung: {sorted(left.values())} had not ended after {PATIENCE} s\n{self.said()}")
 
