@@ -40,7 +40,7 @@ void filter(benchmark::State& state, Size size) {
     for (std::int32_t i = 0; i < b.particles.size(); ++i) {
       const Vec3 centre{x[0][static_cast<std::size_t>(i)], x[1][static_cast<std::size_t>(i)],
                         x[2][static_cast<std::size_t>(i)]};
-      const int n_runs = b.cells.runs_after(i, runs);
+      const int n_runs = b.cells.runs_after(i, centre, runs);
       for (int r = 0; r < n_runs; ++r) {
         n_asked += runs[r].grains.size();
         n_found += near(spheres, runs[r].grains, centre, x[3][static_cast<std::size_t>(i)] + Bed::skin, found.data());
