@@ -82,13 +82,14 @@ Bed::Bed(Size size, bool has_rotation) : particles({has_rotation, true, false, f
       if (has_rotation) particles.set_real(Field::angular_velocity, i, c, 0.5 * w[c]);
     }
   }
-  cells.sort(particles, domain, {false, false, false}, 2.0 * particles.radius(0) + skin, 1);
+  cells.sort(Centres::of(particles), domain, {false, false, false}, 2.0 * particles.radius(0) + skin, 1);
   particles.reorder(cells.order(), 1);
   needs.has_species = true;
   needs.slot_size = slot_size(true, true);
   needs.species_table = species_table.data();
   needs.n_materials = 2;
-  pairs.build(particles, cells, {}, {}, skin, needs, cells.order(), {}, 1);
+  PairCarry nothing;
+  pairs.build(particles, cells, {}, {}, {}, skin, needs, cells.order(), nothing, 1);
   n_slots = thread().tiles.back().pair_end;
   images.assign(static_cast<std::size_t>(n_slots), 0);
   image_shift.assign(image::n_codes, Vec3{});
