@@ -324,7 +324,8 @@ void WallContacts::remember(int thread, Range candidates) {
       if (has_further_ && std::all_of(history, history + memory_doubles(), [](double x) { return x == 0.0; }))
         continue;  // near, but without a force
       Memory::Place& place = share.memory.places[at(slot)];
-      std::memcpy(&place, history, 4 * sizeof(double));
+      std::copy_n(history, 3, place.displacement);
+      place.energy = history[3];
       const double* const normal = share.columns.data() + t;
       place.normal = {normal[0], normal[room], normal[2 * room]};
       if (columns_.has_further()) std::memcpy(&share.memory.further[at(slot)], history + 4, sizeof(FurtherMemory));

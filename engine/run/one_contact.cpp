@@ -71,14 +71,16 @@ double restitution_of_impact(const Scene& scene, const ContactCase& bodies, doub
   contact.b.inverse_mass = bodies.inverse_mass_b;
   contact.a.curvature = bodies.curvature_a;
   contact.b.curvature = bodies.curvature_b;
+  LawChoice laws = law_choice(scene);  // attraction would make grains stick, and says nothing of the step
+  laws.cohesion = CohesionLaw::none;
+  laws.rolling = RollingLaw::none;
   const double s = bodies.inverse_mass_a + bodies.inverse_mass_b;
   double overlap = -phase * speed * dt, v = -speed;  // of a, seen from b; half a step behind, as in a run
   for (int step = 0; step < most_steps; ++step) {
     if (overlap > 0.0) {
       contact.overlap = overlap;
       contact.a.velocity = {v, 0.0, 0.0};
-      const ReferenceForce force = reference_contact(scene.contact.normal, scene.contact.tangential,
-                                                     scene.contact.rotation, bodies.parameters, contact, dt);
+      const ReferenceForce force = reference_contact(laws, bodies.parameters, contact, dt);
       v += dt * s * force.force.x;
     } else if (v > 0.0) {
       return v / speed;
