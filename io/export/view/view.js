@@ -442,6 +442,7 @@ window.addEventListener("resize", () => {
   charts.forEach(drawChart);
 });
 
+document.querySelector("header").textContent = data.title;
 seek.max = data.frames.length - 1;
 makeBar();
 data.series.forEach(makeChart);
