@@ -120,6 +120,8 @@ double n_gas_cells(const Scene& scene) {
   if (scene.gas)
     for (const int along : scene.gas->cells) n *= along;
   return n;
+}
+
 /// How far the attraction of the scene's largest grains reaches [m].
 double attraction_range(const Scene& scene) {
   if (scene.contact.cohesion == CohesionLaw::none) return 0.0;

@@ -516,7 +516,7 @@ void Simulation::Parts::after_rebuild() {
   is_list_old = false;
   travelled = 0.0;
   steps_since_rebuild = 0;
-  n_left_at_rebuild = census.n_left;
+  n_left_at_rebuild = census.n_left();
   if (time() >= next_wall_change) last_surprise = step;
   next_wall_change = walls.next_change(time());
   place_at_rebuild.resize(static_cast<std::size_t>(particles.size()));
@@ -688,7 +688,7 @@ std::string Simulation::Parts::fault_of_grains() const {
            (is_sound ? " has been put outside the domain"
                      : " has been given a position or velocity that is not finite");
   }
-  if (n_away != census.n_left - n_left_at_rebuild) return "a grain has been given a position that is not a number";
+  if (n_away != census.n_left() - n_left_at_rebuild) return "a grain has been given a position that is not a number";
   return {};
 }
 
