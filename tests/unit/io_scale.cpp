@@ -249,7 +249,7 @@ TEST_CASE("a sweep of something else is set aside, and what has changed is said"
   const SweepDirectory second(path, changed);
   CHECK_THAT(second.remark(),
              Catch::Contains(": the scene, the number of steps (100, now 200);") && Catch::Contains("sweep.old"));
-  CHECK_FALSE(second.find({{1, 1}, 1}));
+  CHECK_FALSE(second.find(SweepRun{{1, 1}, 1}));
   CHECK(fs::exists(place.path() / "sweep.old" / "runs" / "1x1-1" / "summary.json"));
   changed.program = "dcba";
   CHECK_THAT(SweepDirectory(path, changed).remark(), Catch::Contains("the program") && Catch::Contains("sweep.old-2"));
