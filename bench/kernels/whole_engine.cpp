@@ -33,7 +33,8 @@ struct Engine {
       : scene(bed_scene(deck, size)), walls(scene), dt(*scene.time.step) {
     put_grains(scene, make_grains(scene, 1), particles);
     const double r = particles.radius(0);
-    contacts = std::make_unique<Contacts>(scene, walls, GrainKind{true, particles.inverse_mass(0), 1.0, r, r}, World());
+    contacts = std::make_unique<Contacts>(scene, walls, GrainKind{true, particles.inverse_mass(0), 1.0, r, r, SizeClasses(r)},
+                                          World());
     kick.gain = kick.time = kick.drift = dt;
     kick.gravity = scene.time.gravity;
     contacts->rebuild(particles, Bed::skin, 0.0, n_threads);
@@ -67,7 +68,7 @@ void rebuild(benchmark::State& state, Size size, int n_threads) {
 void hash(benchmark::State& state, Size size) {
   Engine engine("bed.toml", size, 1);
   measure(state, engine.work(1),
-          [&] { benchmark::DoNotOptimize(state_hash(World(), engine.particles, *engine.contacts, 1, nullptr)); });
+          [&] { benchmark::DoNotOptimize(state_hash(World(), engine.particles, *engine.contacts, 1, {}, nullptr)); });
 }
 
 void exact_sum(benchmark::State& state, std::size_t n) {

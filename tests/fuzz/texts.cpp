@@ -10,6 +10,7 @@
 #include "io/cli/launch.hpp"
 #include "io/cli/layout.hpp"
 #include "io/cli/network_file.hpp"
+#include "io/cli/terminal.hpp"
 #include "io/files/files.hpp"
 #include "io/scene_toml/scene_toml.hpp"
 #include "tests/fuzz/fuzz.hpp"
