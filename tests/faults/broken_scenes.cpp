@@ -77,7 +77,7 @@ const std::vector<Broken> table = {
     {"planned precision", "", "[run]\nprecision = \"mixed\"",
      "31: key \"run.precision\": \"mixed\" is not available yet in this version; use \"double\""},
     {"balance that is not", "", "[run]\nbalance = \"ranks\"",
-     "31: key \"run.balance\": is \"ranks\"; expected \"auto\", \"threads\", \"cuts\" or \"off\""},
+     "31: key \"run.balance\" = \"ranks\": expected one of \"auto\", \"threads\", \"cuts\" or \"off\""},
     {"a sweep over nothing that can be stepped", "", "[pareto]\nsteps_per_contact = [20, 1.5]",
      "31: key \"pareto.steps_per_contact\" = [20, 1.5]: expected numbers from 2, found 1.5"},
     {"an acceptable error of nothing", "", "[pareto]\naccept = 0",

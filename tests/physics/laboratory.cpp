@@ -25,7 +25,7 @@ Scene empty_scene(Vec3 low, Vec3 high, double step) {
   Scene scene;
   scene.domain.low = low;
   scene.domain.high = high;
-  scene.time.end = 1e9;
+  scene.time.end = 1e6;
   scene.time.step = step;
   scene.output.fields = {"position", "velocity", "force"};
   return scene;
