@@ -347,8 +347,13 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
   std::int64_t k = 0;
   std::uint32_t n_kept = 0;
   const std::int32_t dummy = particles.dummy();
+  const auto is_lower = [&](std::int32_t i, std::int32_t j) { return particles.gid(i) < particles.gid(j) || i == j; };
+  const auto recall = [&](std::int32_t i, std::int32_t j, std::uint8_t stored) {
+    return carry.find({was_at[at(i)], particles.gid(i)}, {particles.is_owned(j) ? was_at[at(j)] : -1, particles.gid(j)},
+                      stored);
+  };
   const auto put = [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
-    const bool i_is_low = particles.gid(i) < particles.gid(j) || i == j;
+    const bool i_is_low = is_lower(i, j);
     const std::size_t p = at(k++);
     mine.a[p] = i_is_low ? i : j;
     mine.b[p] = i_is_low ? j : i;
@@ -356,9 +361,7 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
     if (needs.has_images) mine.image[p] = stored;
     if (needs.has_species)
       mine.species[p] = needs.species_table[particles.material(i) * needs.n_materials + particles.material(j)];
-    if (needs.memory.has_history)
-      mine.set_memory(k - 1, carry.find({was_at[at(i)], particles.gid(i)},
-                                        {particles.is_owned(j) ? was_at[at(j)] : -1, particles.gid(j)}, stored));
+    if (needs.memory.has_history) mine.set_memory(k - 1, recall(i, j, stored));
   };
   const auto fill_group = [&] {
     for (; k % pair_group != 0; ++k) {
@@ -385,6 +388,11 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
       const double distance = radii + band_gap_[band];
       if (squared >= distance * distance) break;
     }
+    // A contact that has just ended is swept once more, in the very next step, wherever its grains are: what its spring still held goes
+    // to friction then, not when a band happens to open.
+    const bool may_remember = needs.memory.has_history && !carry.items.empty();
+    if (band > 0 && may_remember && recall(i, j, is_lower(i, j) ? code : image::inverse(code)).is_used())
+      return std::size_t{0};
     return band;
   };
   for (std::int32_t begin = mine.grain_begin; begin < mine.grain_end; begin += tile_size) {

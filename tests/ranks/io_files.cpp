@@ -353,8 +353,8 @@ print(len(x), sum(d.is_virtual for d in y.values()), a.attrs["format"], b.attrs[
         " '" + (directory.path() / "shared.h5").string() + "' '" + (directory.path() / "parted.h5").string() + "'";
     const std::string output =
         output_of("cd / && " + python + " '" + (directory.path() / "script.py").string() + "'" + files);
-    // fields, five columns each of pairs and walls, three accumulators, the scene
-    CHECK(output == std::to_string(n_fields + 17) + ' ' + std::to_string(n_fields + 13) + " 1 2\n");
+    // fields, five columns each of pairs and walls, seven of what both remember further, three accumulators, the scene
+    CHECK(output == std::to_string(n_fields + 24) + ' ' + std::to_string(n_fields + 20) + " 1 2\n");
   });
 }
 

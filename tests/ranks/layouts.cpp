@@ -1,6 +1,8 @@
 // The same bits on any number of ranks: every scene gives on R ranks of T threads what it gives alone.
 #include <catch2/catch.hpp>
 #include <cstdio>
+#include <cstring>
+#include <utility>
 
 #include "engine/particles/fill.hpp"
 #include "engine/run/projection.hpp"
@@ -28,6 +30,66 @@ std::string name_of(const char* scene, const Layout& layout) {
   return std::string(scene) + " on " + std::to_string(layout.ranks) + "x" + std::to_string(layout.threads);
 }
 
+void put(std::string& bytes, const void* from, std::size_t n) { bytes.append(static_cast<const char*>(from), n); }
+void put(std::string& bytes, std::uint64_t value) { put(bytes, &value, sizeof value); }
+void put(std::string& bytes, const trace::Bits& bits) {
+  put(bytes, bits.values.size());
+  put(bytes, bits.values.data(), bits.values.size() * sizeof(double));
+}
+
+/// Takes apart what put() has put together.
+class Parcel {
+ public:
+  explicit Parcel(const std::string& bytes) : bytes_(bytes) {}
+  std::uint64_t number() {
+    std::uint64_t value = 0;
+    std::memcpy(&value, take(sizeof value), sizeof value);
+    return value;
+  }
+  std::string text(std::size_t n) { return {take(n), n}; }
+  trace::Bits bits() {
+    trace::Bits bits;
+    bits.values.resize(number());
+    if (const std::size_t n = bits.values.size() * sizeof(double); n > 0) std::memcpy(bits.values.data(), take(n), n);
+    return bits;
+  }
+
+ private:
+  const char* take(std::size_t n) { return bytes_.data() + std::exchange(at_, at_ + n); }
+  const std::string& bytes_;
+  std::size_t at_ = 0;
+};
+
+/// What the first rank's run alone shows, on all ranks: it takes its time, and all would find the same.
+std::vector<trace::Moment> run_alone(const Scene& scene, int n_steps) {
+  const World& all = ranks::world();
+  std::string bytes;
+  if (all.is_root()) {
+    const std::vector<trace::Moment> moments = trace::record(scene, 1, n_steps, every);
+    put(bytes, moments.size());
+    for (const trace::Moment& moment : moments) {
+      for (const std::uint64_t value : {moment.step, moment.n_born, moment.n_left, moment.n_inside}) put(bytes, value);
+      put(bytes, moment.hash.size());
+      put(bytes, moment.hash.data(), moment.hash.size());
+      put(bytes, moment.probes.size());
+      for (const trace::Bits& probe : moment.probes) put(bytes, probe);
+      put(bytes, moment.ledger);
+    }
+  }
+  all.broadcast(bytes);
+  Parcel parcel(bytes);
+  std::vector<trace::Moment> moments(parcel.number());
+  for (trace::Moment& moment : moments) {
+    for (std::uint64_t* const value : {&moment.step, &moment.n_born, &moment.n_left, &moment.n_inside})
+      *value = parcel.number();
+    moment.hash = parcel.text(parcel.number());
+    moment.probes.resize(parcel.number());
+    for (trace::Bits& probe : moment.probes) probe = parcel.bits();
+    moment.ledger = parcel.bits();
+  }
+  return moments;
+}
+
 /// Runs every scene on every layout, `lengthened` times as long as it is worth watching (where that is more than once and there is no gas, at
 /// least 20,000 steps).
 void compare_layouts(int lengthened) {
@@ -38,8 +100,7 @@ void compare_layouts(int lengthened) {
     scene.output.energy = true;
     // Gas steps on more ranks than cores take their time.
     const int n_steps = lengthened > 1 && !scene.gas ? std::max(20000, lengthened * n_watched) : lengthened * n_watched;
-    // Each rank runs the reference by itself, so that each can compare.
-    const std::vector<trace::Moment> alone = trace::record(scene, 1, n_steps, every);
+    const std::vector<trace::Moment> alone = run_alone(scene, n_steps);
     for (const Layout& layout : layouts) {
       if (layout.ranks > all.size()) continue;
       const std::optional<World> world = all.first(layout.ranks);
@@ -77,7 +138,7 @@ TEST_CASE("a run restored on other ranks and threads is the unbroken run, bit by
   const World& all = ranks::world();
   for (auto& [name, scene, n_steps] : scenes::all()) {
     scene.output.energy = true;
-    const std::vector<trace::Moment> alone = trace::record(scene, 1, n_steps / every * every, every);
+    const std::vector<trace::Moment> alone = run_alone(scene, n_steps / every * every);
     // From layout to layout, each for a part of the run.
     std::optional<Image> image;
     std::vector<trace::Moment> broken;
@@ -122,7 +183,7 @@ TEST_CASE("space is divided anew where the grains leave it, and no bit changes")
   scenes::add_wall(scene, "box", BoxShape{scene.domain.box()}, "steel");
   scene.time.gravity = {9.81, 0.0, -2.0};
   const int n_steps = 6000;
-  const std::vector<trace::Moment> alone = trace::record(scene, 1, n_steps, every);
+  const std::vector<trace::Moment> alone = run_alone(scene, n_steps);
   const World& all = ranks::world();
   Simulation simulation(scene, 1, all);
   CHECK(trace::difference(alone, trace::record(simulation, n_steps, every)) == "");
@@ -208,7 +269,7 @@ TEST_CASE("a heavy ball that throws up light grains does so on all ranks alike")
   scene.particles.push_back(group);
   scenes::add_wall(scene, "box", BoxShape{{{-0.1, -0.1, 0.0}, {0.1, 0.1, 0.4}}}, "steel");
   const int n_steps = 4000;
-  const std::vector<trace::Moment> alone = trace::record(scene, 1, n_steps, every);
+  const std::vector<trace::Moment> alone = run_alone(scene, n_steps);
   Simulation simulation(scene, 1, ranks::world());
   CHECK(trace::difference(alone, trace::record(simulation, n_steps, every)) == "");
 }
