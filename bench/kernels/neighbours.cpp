@@ -70,14 +70,16 @@ Work work_of_grains(const Bed& b, int n_threads) {
 void sort(benchmark::State& state, Size size, int n_threads) {
   Bed& b = own_bed(size);
   measure(state, work_of_grains(b, n_threads), [&] {
-    b.cells.sort(Centres::of(b.particles), b.domain, {false, false, false}, 2.0 * b.particles.radius(0) + Bed::skin, n_threads);
+    b.cells.sort(Centres::of(b.particles), b.domain, {false, false, false}, 2.0 * b.particles.radius(0) + Bed::skin,
+                 n_threads);
   });
 }
 
 /// With the memory of all contacts carried over.
 void build(benchmark::State& state, Size size, int n_threads) {
   Bed& b = own_bed(size);
-  b.cells.sort(Centres::of(b.particles), b.domain, {false, false, false}, 2.0 * b.particles.radius(0) + Bed::skin, n_threads);
+  b.cells.sort(Centres::of(b.particles), b.domain, {false, false, false}, 2.0 * b.particles.radius(0) + Bed::skin,
+               n_threads);
   b.particles.reorder(b.cells.order(), n_threads);
   // in order already, so that grains stay where their memory is
   PairCarry nothing;
@@ -85,15 +87,17 @@ void build(benchmark::State& state, Size size, int n_threads) {
   b.n_slots = b.thread().tiles.back().pair_end;
   b.restart({NormalLaw::linear, TangentialLaw::spring, true, false, true});
   PairCarry carry = b.pairs.carry(b.particles, {}, false, 1);
-  measure(state, work_of_grains(b, n_threads),
-          [&] { b.pairs.build(b.particles, b.cells, {}, {}, {}, Bed::skin, b.needs, b.cells.order(), carry, n_threads); });
+  measure(state, work_of_grains(b, n_threads), [&] {
+    b.pairs.build(b.particles, b.cells, {}, {}, {}, Bed::skin, b.needs, b.cells.order(), carry, n_threads);
+  });
   state.counters["pairs"] = b.n_pairs();
 }
 
 /// Records, gids, materials and the ledger's sums; read once, written once.
 void reorder(benchmark::State& state, Size size, int n_threads) {
   Bed& b = own_bed(size);
-  b.cells.sort(Centres::of(b.particles), b.domain, {false, false, false}, 2.0 * b.particles.radius(0) + Bed::skin, n_threads);
+  b.cells.sort(Centres::of(b.particles), b.domain, {false, false, false}, 2.0 * b.particles.radius(0) + Bed::skin,
+               n_threads);
   Work work = work_of_grains(b, n_threads);
   work.bytes = b.n_grains() * (2.0 * (8.0 * static_cast<double>(b.particles.stride()) + 8.0 + 2.0 + 32.0) + 4.0);
   work.working_set = work.bytes;

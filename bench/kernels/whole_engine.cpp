@@ -33,8 +33,8 @@ struct Engine {
       : scene(bed_scene(deck, size)), walls(scene), dt(*scene.time.step) {
     put_grains(scene, make_grains(scene, 1), particles);
     const double r = particles.radius(0);
-    contacts = std::make_unique<Contacts>(scene, walls, GrainKind{true, particles.inverse_mass(0), 1.0, r, r, SizeClasses(r)},
-                                          World());
+    contacts = std::make_unique<Contacts>(
+        scene, walls, GrainKind{true, particles.inverse_mass(0), 1.0, r, r, SizeClasses(r)}, World());
     kick.gain = kick.time = kick.drift = dt;
     kick.gravity = scene.time.gravity;
     contacts->rebuild(particles, Bed::skin, 0.0, n_threads);

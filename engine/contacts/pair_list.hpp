@@ -250,8 +250,8 @@ class PairList {
 
   std::array<double, n_bands> band_gap_{};  // [m] least gap between the grains of each band's pairs
   std::int32_t furthest_in_ring_ =
-      0;  // places from the first to the second grain of a pair whose slot goes to the ring
-  double range_ = 0.0;                      // [m] as PairNeeds has it
+      0;                // places from the first to the second grain of a pair whose slot goes to the ring
+  double range_ = 0.0;  // [m] as PairNeeds has it
   std::vector<RawChunk> raw_;
   std::vector<std::vector<FoundPair>> found_;  // by the thread that found them
   std::int64_t n_tested_ = 0;

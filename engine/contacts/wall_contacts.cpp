@@ -291,8 +291,7 @@ std::int64_t WallContacts::touch(const Particles& particles, int thread, Range c
       share.species[n] = species[particles.material(candidate.grain) * n_walls + surface.wall];
       const std::int64_t place = match(share, c, touches[t], taken);
       double* const history = share.history.data() + memory_doubles() * n;
-      const PairMemory value =
-          place < 0 ? PairMemory{} : in_scene(candidate.surface, share.memory.at(at(place)));
+      const PairMemory value = place < 0 ? PairMemory{} : in_scene(candidate.surface, share.memory.at(at(place)));
       std::memcpy(history, &value, 4 * sizeof(double));
       if (has_further_) std::memcpy(history + 4, &value.further, sizeof(value.further));
     }

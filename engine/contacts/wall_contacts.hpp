@@ -158,10 +158,10 @@ void WallContacts::for_each(const Particles& particles, Function f) const {
       unsigned taken = 0;
       for (int t = 0; t < n; ++t) {
         const std::int64_t place = match(share, static_cast<std::int64_t>(c), touches[t], taken);
-        f(WallContact{candidate.grain, candidate.surface, touches[t],
-                      wall_velocity(candidate.surface, particles.position(candidate.grain), touches[t]),
-                      place < 0 ? PairMemory{}
-                                : in_scene(candidate.surface, share.memory.at(static_cast<std::size_t>(place)))});
+        f(WallContact{
+            candidate.grain, candidate.surface, touches[t],
+            wall_velocity(candidate.surface, particles.position(candidate.grain), touches[t]),
+            place < 0 ? PairMemory{} : in_scene(candidate.surface, share.memory.at(static_cast<std::size_t>(place)))});
       }
     }
 }

@@ -74,12 +74,12 @@ struct RunSummary {
   double particle_steps = 0.0;
   std::uint64_t n_born = 0, n_grains = 0, n_left = 0;
   std::uint64_t n_rebuilds = 0, n_looks = 0,
-                n_cuts = 0;         // cuts: how often space was divided, those at the start included
-  std::string balance_mode;         // as the scene has it
-  BalanceTotals balance;            // of the whole process
+                n_cuts = 0;           // cuts: how often space was divided, those at the start included
+  std::string balance_mode;           // as the scene has it
+  BalanceTotals balance;              // of the whole process
   std::vector<std::string> warnings;  // what the run did that its time step was not chosen for
-  std::optional<GasTotals> gas;     // of the whole process, where the scene has gas
-  std::vector<std::string> phases;  // those of the steps; the last is what they took beyond the others
+  std::optional<GasTotals> gas;       // of the whole process, where the scene has gas
+  std::vector<std::string> phases;    // those of the steps; the last is what they took beyond the others
   std::vector<RankSummary> ranks;
   std::string hash;
 

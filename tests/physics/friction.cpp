@@ -105,8 +105,8 @@ std::vector<std::array<double, 2>> oblique(NormalLaw normal, TangentialLaw tange
 
 TEST_CASE("oblique impacts converge, wherever between two steps they begin, that stick and that slide in turn",
           "[friction]") {
-  for (const auto& [normal, tangential] : {std::pair{NormalLaw::linear, TangentialLaw::spring},
-                                           std::pair{NormalLaw::hertz, TangentialLaw::mindlin}})
+  for (const auto& [normal, tangential] :
+       {std::pair{NormalLaw::linear, TangentialLaw::spring}, std::pair{NormalLaw::hertz, TangentialLaw::mindlin}})
     for (const double angle : {10.0, 35.0, 45.0, 60.0}) {
       const std::array<double, 2> exact = oblique(normal, tangential, angle, 6400, 1)[0];
       double worst[2] = {0.0, 0.0};
@@ -114,8 +114,10 @@ TEST_CASE("oblique impacts converge, wherever between two steps they begin, that
         for (const auto& found : oblique(normal, tangential, angle, k == 0 ? 50 : 400, 64))
           worst[k] = std::max({worst[k], std::abs(found[0] - exact[0]), std::abs(found[1] - exact[1])});
       const double order = std::log(worst[0] / worst[1]) / std::log(8.0);
-      report("%s %s at %2.0f degrees: velocity and spin within %.1e of the first velocity at 50, %.1e at 400 steps a contact, order %.2f",
-             name_of(normal).data(), name_of(tangential).data(), angle, worst[0], worst[1], order);
+      report(
+          "%s %s at %2.0f degrees: velocity and spin within %.1e of the first velocity at 50, %.1e at 400 steps a "
+          "contact, order %.2f",
+          name_of(normal).data(), name_of(tangential).data(), angle, worst[0], worst[1], order);
       CHECK(worst[0] < 0.015);
       CHECK(order > (normal == NormalLaw::linear && angle == 60.0 ? 1.5 : 0.9));
     }

@@ -237,7 +237,9 @@ Scene heap_scene(bool is_quarter) {
   }
   for (int quarter = 0; quarter < (is_quarter ? 1 : 4); ++quarter)
     for (int i = 0; i < 16; ++i) {
-      const auto shift = [&](int k) { return 0.1e-3 * (static_cast<double>((i * 7919 + k * 104729) % 1000) / 500.0 - 1.0); };
+      const auto shift = [&](int k) {
+        return 0.1e-3 * (static_cast<double>((i * 7919 + k * 104729) % 1000) / 500.0 - 1.0);
+      };
       const double x = 1.35e-3 + 2.6e-3 * (i % 2) + shift(1), y = 1.35e-3 + 2.6e-3 * (i / 2 % 2) + shift(2);
       add_grain(scene, "grain", radius * (1.0 + 0.1 * (i % 3)),
                 {quarter % 2 ? -x : x, quarter / 2 ? -y : y, 1.5e-3 + 2.7e-3 * (i / 4) + shift(3)},

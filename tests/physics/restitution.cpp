@@ -114,7 +114,9 @@ TEST_CASE("restitution converges in each collision: second order with the linear
   for (const NormalLaw law : {NormalLaw::linear, NormalLaw::hertz})
     for (const double e : {0.2, 0.5, 0.9, 1.0}) {
       const Errors coarse = collide({law, e, 1.0, 25, false, 1024}), fine = collide({law, e, 1.0, 200, false, 1024});
-      const auto order = [&](double of_coarse, double of_fine) { return std::log(of_coarse / of_fine) / std::log(8.0); };
+      const auto order = [&](double of_coarse, double of_fine) {
+        return std::log(of_coarse / of_fine) / std::log(8.0);
+      };
       const double spread = order(coarse.spread, fine.spread), worst = order(coarse.worst, fine.worst);
       report(
           "%s e %.1f: mean error %.2e at 25 and %.2e at 200 steps a contact; spread %.2e and %.2e, order %.2f; worst "

@@ -93,10 +93,11 @@ HWY_INLINE NormalForce hertz_normal(const Constants& c, const Motion& m, const O
 }
 
 struct TangentialForce {
-  Lanes3 force;     // F_t on a [N]
-  Lanes3 h;         // displacement after the step [m]
-  Lanes energy;     // stored in the displacement [J]; only with the ledger, and with the power law, as what follows
-  Lanes3 after, before;  // along h: force of the spring, and what it would have been for the displacement before the step [N]
+  Lanes3 force;  // F_t on a [N]
+  Lanes3 h;      // displacement after the step [m]
+  Lanes energy;  // stored in the displacement [J]; only with the ledger, and with the power law, as what follows
+  Lanes3 after,
+      before;  // along h: force of the spring, and what it would have been for the displacement before the step [N]
   LaneMask slides;  // at Coulomb's limit
 };
 

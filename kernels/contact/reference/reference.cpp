@@ -344,7 +344,8 @@ ReferenceForce reference_contact(const LawChoice& laws, const PairParameters& p,
       };
       f_t -= spring(h);
       slides = cap(limit, f_t, scale) || size > delta_max;
-      work = -dt * dot(f_t + spring(h), v_t + 0.5 * dt * s_t * f_t) + 0.5 * time * dot(spring(c.displacement) + spring(h), v_t);
+      work = -dt * dot(f_t + spring(h), v_t + 0.5 * dt * s_t * f_t) +
+             0.5 * time * dot(spring(c.displacement) + spring(h), v_t);
       out.energy_tangential = pull * delta_max * (x - 0.4 * (1.0 - std::pow(1.0 - x, 2.5)));
       break;
     }
