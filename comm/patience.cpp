@@ -42,7 +42,8 @@ void add_waited(double seconds) { seconds_waited = seconds_waited + seconds; }
 
 void be_patient(unsigned n_times) {
   if (how == Patience::spin) {
-    constexpr unsigned spins = 100;       // some microseconds: where ranks share cores after all, more is what the others lack
+    constexpr unsigned spins =
+        100;  // some microseconds: where ranks share cores after all, more is what the others lack
     if (n_times >= spins) sched_yield();  // costs nothing where nobody else wants the core
     return;
   }
