@@ -16,6 +16,7 @@ struct Work {
   double flops = 0.0;        // useful ones: of contacts that touch
   double working_set = 0.0;  // [bytes]
   int n_threads = 1;
+  bool is_float = false;  // flops in single precision
 };
 
 /// Sets the counters for passes that took `seconds` each: items/s, bytes/s, flops/s, and the percentage of the roof, which is the
@@ -48,5 +49,9 @@ void add_motion();
 void add_neighbours();
 void add_surfaces();
 void add_whole_engine();
+void add_gas_exchange();
+void add_drag();
+void add_multigrid();
+void add_messages();
 
 }  // namespace moraine::bench

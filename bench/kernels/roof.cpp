@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <thread>
+#include <type_traits>
 #include <vector>
 
 #include "bench/kernels/meter.hpp"
@@ -22,26 +23,31 @@ constexpr int n_rounds = 1 << 14;
 /// `n_sums` independent chains of multiply-adds: enough to hide their latency, few enough to stay in registers.
 template <typename Vector, int n_sums>
 [[gnu::always_inline]] inline double multiply_add_rounds(double scale) {
+  using Lane = std::remove_cvref_t<decltype(Vector{}[0])>;
   Vector sums[n_sums];
-  for (int k = 0; k < n_sums; ++k) sums[k] = Vector{} + 1e-3 * k;
-  const Vector s = Vector{} + scale, t = Vector{} + 1e-9;
+  for (int k = 0; k < n_sums; ++k) sums[k] = Vector{} + static_cast<Lane>(1e-3 * k);
+  const Vector s = Vector{} + static_cast<Lane>(scale), t = Vector{} + static_cast<Lane>(1e-9);
   for (int round = 0; round < n_rounds; ++round)
 #pragma GCC unroll 16
     for (int k = 0; k < n_sums; ++k) sums[k] = sums[k] * s + t;
   Vector total{};
   for (int k = 0; k < n_sums; ++k) total += sums[k];
-  return total[0];
+  return static_cast<double>(total[0]);
 }
 [[gnu::always_inline]] inline void triad_loop(double* a, const double* b, const double* c, double s, std::size_t n) {
   for (std::size_t i = 0; i < n; ++i) a[i] = b[i] + s * c[i];
 }
 
 using Narrow = double __attribute__((vector_size(32)));
+using NarrowFloat = float __attribute__((vector_size(32)));
 double narrow_rounds(double scale) { return multiply_add_rounds<Narrow, 12>(scale); }
+double narrow_float_rounds(double scale) { return multiply_add_rounds<NarrowFloat, 12>(scale); }
 void narrow_triad(double* a, const double* b, const double* c, double s, std::size_t n) { triad_loop(a, b, c, s, n); }
 #if defined(MORAINE_BENCH_WIDE)
 using Wide = double __attribute__((vector_size(64)));
+using WideFloat = float __attribute__((vector_size(64)));
 MORAINE_BENCH_WIDE double wide_rounds(double scale) { return multiply_add_rounds<Wide, 16>(scale); }
+MORAINE_BENCH_WIDE double wide_float_rounds(double scale) { return multiply_add_rounds<WideFloat, 16>(scale); }
 MORAINE_BENCH_WIDE void wide_triad(double* a, const double* b, const double* c, double s, std::size_t n) {
   triad_loop(a, b, c, s, n);
 }
@@ -56,17 +62,18 @@ bool is_wide() {
 }
 
 /// Operations of one call.
-double multiply_add() {
+double multiply_add(bool is_float) {
   double scale = 0.999999;
   benchmark::DoNotOptimize(scale);
+  const double lanes = is_float ? 2.0 : 1.0;  // times as many
 #if defined(MORAINE_BENCH_WIDE)
   if (is_wide()) {
-    benchmark::DoNotOptimize(wide_rounds(scale));
-    return 2.0 * 16 * 8 * n_rounds;
+    benchmark::DoNotOptimize(is_float ? wide_float_rounds(scale) : wide_rounds(scale));
+    return 2.0 * 16 * 8 * lanes * n_rounds;
   }
 #endif
-  benchmark::DoNotOptimize(narrow_rounds(scale));
-  return 2.0 * 12 * 4 * n_rounds;
+  benchmark::DoNotOptimize(is_float ? narrow_float_rounds(scale) : narrow_rounds(scale));
+  return 2.0 * 12 * 4 * lanes * n_rounds;
 }
 
 void triad(double* a, const double* b, const double* c, std::size_t n) {
@@ -143,8 +150,9 @@ Roof measure() {
   for (const int threads : {1, roof.n_threads}) {
     const auto n = static_cast<std::size_t>(threads);
     Ceiling& ceiling = threads == 1 ? roof.one : roof.all;
-    ceiling.flops = best_rate(
-        threads, [] { return 0; }, [](int) { return multiply_add(); });
+    for (const bool is_float : {false, true})
+      (is_float ? ceiling.float_flops : ceiling.flops) = best_rate(
+          threads, [] { return 0; }, [is_float](int) { return multiply_add(is_float); });
     const std::size_t large = std::min(std::max(std::size_t{256} << 20, 4 * roof.l3), std::size_t{1} << 30);
     ceiling.bandwidth = {triad_rate(threads, roof.l2 / 2),
                          triad_rate(threads, std::max(roof.l3 / (3 * n), 2 * roof.l2)), triad_rate(threads, large / n)};

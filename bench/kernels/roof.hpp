@@ -12,6 +12,7 @@ inline constexpr std::array<const char*, 3> level_names = {"L2", "L3", "memory"}
 
 struct Ceiling {
   double flops = 0.0;                 // [1/s] double-precision, a fused multiply-add being two
+  double float_flops = 0.0;           // [1/s] single-precision
   std::array<double, 3> bandwidth{};  // [bytes/s] of a triad, by level
 };
 

@@ -1,8 +1,6 @@
 #include "engine/contacts/ghosts.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <cstring>
 
 #include "engine/contacts/ghost_rule.hpp"
 #include "engine/particles/parcel.hpp"
@@ -27,17 +25,11 @@ void Ghosts::make(const World& world, const Subdomains& subdomains, Particles& p
   links_.clear();
   copies_.clear();
   are_fresh_ = true;
-  refreshed_.clear();
-  n_refreshed_ = 0;
-  for (const FieldInfo& row : field_table)
-    if (row.travel == Travel::every_step && particles.has(row.field)) {
-      refreshed_.emplace_back(row.record_slot, row.components);
-      n_refreshed_ += at(row.components);
-    }
   for (std::size_t axis = 0; axis < 3; ++axis) {
     periodic_[axis] = subdomains.is_periodic(static_cast<int>(axis));
     period_[static_cast<int>(axis)] = subdomains.period()[static_cast<int>(axis)];
   }
+  records_ = HaloRecords(particles, periodic_, period_);
 
   const int rank = world.rank();
   const double largest = classes.largest();
@@ -60,7 +52,7 @@ void Ghosts::make(const World& world, const Subdomains& subdomains, Particles& p
   }
 
   std::vector<Halo::Link> messages;
-  const std::size_t bytes = n_refreshed_ * sizeof(double);
+  const std::size_t bytes = records_.bytes();
   for (const Link& link : links_) messages.push_back({link.rank, link.sent.size() * bytes, at(link.n_ghosts) * bytes});
   halo_.open(world, std::move(messages));
 }
@@ -143,46 +135,16 @@ void Ghosts::find_copies(const Subdomains& subdomains, int rank, const Particles
 }
 
 void Ghosts::start_refresh(const Particles& particles) {
-  for (std::size_t k = 0; k < links_.size(); ++k) {
-    std::byte* to = halo_.outgoing(k).data();
-    for (const std::int32_t i : links_[k].sent)
-      for (const auto& [slot, n] : refreshed_) {
-        const std::size_t bytes = at(n) * sizeof(double);
-        std::memcpy(to, particles.record(i) + slot, bytes);
-        to += bytes;
-      }
-  }
+  for (std::size_t k = 0; k < links_.size(); ++k) records_.pack(particles, links_[k].sent, halo_.outgoing(k).data());
   halo_.start();
 }
 
 std::span<const GhostEvent> Ghosts::finish_refresh(Particles& particles) {
   halo_.finish();
   events_.clear();
-  const bool is_any_periodic = periodic_[0] || periodic_[1] || periodic_[2];
-  for (std::size_t k = 0; k < links_.size(); ++k) {
-    const std::byte* from = halo_.incoming(k).data();
-    for (std::int32_t g = links_[k].first_ghost; g < links_[k].first_ghost + links_[k].n_ghosts; ++g) {
-      const Vec3 before = particles.position(g);
-      for (const auto& [slot, n] : refreshed_) {
-        const std::size_t bytes = at(n) * sizeof(double);
-        std::memcpy(particles.record(g) + slot, from, bytes);
-        from += bytes;
-      }
-      const Vec3 now = particles.position(g);
-      if (now.x != now.x) {
-        if (before.x == before.x) events_.push_back({g, {}, true});
-        continue;
-      }
-      if (!is_any_periodic) continue;
-      // A grain moves by less than its radius in a step: what looks like more is a period that its owner brought it back by.
-      GhostEvent event{g, {}, false};
-      for (int axis = 0; axis < 3; ++axis)
-        if (periodic_[at(axis)] && std::abs(now[axis] - before[axis]) > 0.5 * period_[axis])
-          event.steps[at(axis)] = now[axis] > before[axis] ? 1 : -1;
-      if (event.steps != std::array<int, 3>{}) events_.push_back(event);
-    }
-  }
   // Links are in order of rank, and so are the places of their ghosts.
+  for (std::size_t k = 0; k < links_.size(); ++k)
+    records_.unpack(halo_.incoming(k).data(), links_[k].first_ghost, links_[k].n_ghosts, particles, events_);
   are_fresh_ = true;
   return events_;
 }
@@ -195,7 +157,7 @@ HaloCounts Ghosts::counts() const {
     ++counts.n_neighbours;
     counts.n_messages += link.sent.empty() ? 0 : 1;
     counts.n_received += link.n_ghosts == 0 ? 0 : 1;
-    counts.n_bytes += link.sent.size() * n_refreshed_ * sizeof(double);
+    counts.n_bytes += link.sent.size() * records_.bytes();
   }
   return counts;
 }
@@ -203,8 +165,7 @@ HaloCounts Ghosts::counts() const {
 std::size_t Ghosts::memory() const {
   std::size_t bytes = copies_.capacity() * sizeof(GhostCopy);
   for (const Link& link : links_)
-    bytes += link.sent.capacity() * sizeof(std::int32_t) +
-             (link.sent.size() + at(link.n_ghosts)) * n_refreshed_ * sizeof(double);
+    bytes += link.sent.capacity() * sizeof(std::int32_t) + (link.sent.size() + at(link.n_ghosts)) * records_.bytes();
   return bytes;
 }
 

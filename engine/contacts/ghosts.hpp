@@ -4,12 +4,12 @@
 #include <array>
 #include <cstdint>
 #include <span>
-#include <utility>
 #include <vector>
 
 #include "comm/halo.hpp"
 #include "comm/subdomains.hpp"
 #include "comm/world.hpp"
+#include "engine/contacts/halo_records.hpp"
 #include "engine/contacts/pair_list.hpp"
 #include "engine/contacts/size_classes.hpp"
 #include "engine/contacts/size_grids.hpp"
@@ -65,8 +65,7 @@ class Ghosts {
   Link& link_with(int rank);
 
   std::vector<Link> links_;
-  std::vector<std::pair<int, int>> refreshed_;  // first double in the record, and number, of what travels every step
-  std::size_t n_refreshed_ = 0;                 // doubles a grain
+  HaloRecords records_;
   std::vector<GhostCopy> copies_;
   std::vector<GhostEvent> events_;
   std::array<bool, 3> periodic_{};

@@ -13,6 +13,7 @@
 #include "io/cli/summary.hpp"
 #include "io/cli/text.hpp"
 #include "io/export/colour_map.hpp"
+#include "io/export/spectrum.hpp"
 
 namespace moraine {
 
@@ -114,6 +115,45 @@ Plot profile(const RunTable& table, const ColumnGroup& group) {
   return plot;
 }
 
+/// Of pressures, over the second half of the time; a column of frequencies, then one for each column of pressure.
+struct PressureSpectra {
+  std::vector<std::string> names;
+  std::vector<Spectrum> spectra;
+};
+PressureSpectra spectra_of(const RunTable& table, const ColumnGroup& group) {
+  PressureSpectra found;
+  if (group.unit != "Pa" || group.is_profile()) return found;
+  const std::size_t n = table.time.size() / 2, first = table.time.size() - n;
+  for (const std::size_t k : even_share(group.columns, most_lines)) {
+    const TableColumn& column = table.columns[k];
+    const auto spectrum =
+        spectrum_of(std::span(table.time).subspan(first, n), std::span(column.values).subspan(first, n));
+    if (!spectrum) return {};
+    found.names.push_back(column.name);
+    found.spectra.push_back(*spectrum);
+  }
+  return found;
+}
+
+std::optional<Plot> spectrum_plot(const RunTable& table, const ColumnGroup& group) {
+  const PressureSpectra found = spectra_of(table, group);
+  if (found.spectra.empty()) return std::nullopt;
+  Plot plot{file_name(table.name + " spectrum"), "$data << EOD\n"};
+  for (std::size_t f = 0; f < found.spectra[0].frequency.size(); ++f) {
+    plot.script += number(found.spectra[0].frequency[f]);
+    for (const Spectrum& spectrum : found.spectra) plot.script += ' ' + number(spectrum.density[f]);
+    plot.script += '\n';
+  }
+  plot.script += fmt::format(
+      "EOD\nset title {}\nset xlabel 'frequency [Hz]'\nset ylabel '[Pa^2/Hz]'\nset logscale xy\nplot",
+      quoted(fmt::format("{}: power of the second half, mean of {} pieces", table.name, found.spectra[0].n_pieces)));
+  for (std::size_t k = 0; k < found.spectra.size(); ++k)
+    plot.script += fmt::format("{} $data using 1:{} with lines lw 1.6 lc {} title {}", k == 0 ? "" : ",", k + 2, k + 1,
+                               quoted(found.names[k]));
+  plot.script += '\n';
+  return plot;
+}
+
 std::vector<PhaseShareRow> phases_of(const RunSummary& summary) {
   double all = 0.0;
   for (std::size_t i = 0; i < summary.phases.size(); ++i) all += summary.phase(i).mean;
@@ -165,8 +205,10 @@ void draw(const fs::path& directory) {
 std::vector<Plot> plots_of(const std::vector<RunTable>& tables) {
   std::vector<Plot> plots;
   for (const RunTable& table : tables)
-    for (const ColumnGroup& group : column_groups(table))
+    for (const ColumnGroup& group : column_groups(table)) {
       plots.push_back(group.is_profile() ? profile(table, group) : lines_over_time(table, group));
+      if (const auto spectrum = spectrum_plot(table, group)) plots.push_back(*spectrum);
+    }
   make_names_unique(plots);
   return plots;
 }

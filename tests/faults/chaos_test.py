@@ -22,38 +22,16 @@ import tempfile
 import time
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from program import environment_without, grains_in_a_box, state_hash  # noqa: E402
+
 PATIENCE = 300  # [s], for busy machines, until a job must have ended after it was hurt, or have come to its next checkpoint
 LAYOUTS = ["1x1", "2x1", "1x2", "3x1", "2x2"]
 N_STEPS = 600
-BED = """
-[domain]
-low = [0, 0, 0]
-high = [0.06, 0.06, 0.12]
-[time]
-end = 0.03
-step = 5e-5
-gravity = [0.3, 0, -9.81]
-[[material]]
-name = "glass"
-density = 2500.0
-[contact]
-normal = "linear"
-tangential = "spring"
-[[contact.pair]]
-normal_stiffness = 1000.0
-restitution = 0.9
-friction = 0.4
-[[particles]]
-diameter = [0.008, 0.01]
-velocity = [0.2, 0.1, -1.0]
-fill = { region = { box = { low = [0, 0, 0], high = [0.06, 0.06, 0.12] } }, count = 120 }
-[[wall]]
-name = "box"
-box = { low = [0, 0, 0], high = [0.06, 0.06, 0.12] }
-[output]
+BED = grains_in_a_box(0.03, high=(0.06, 0.06, 0.12), diameter="[0.008, 0.01]", more="""[output]
 snapshots = 0.005
 checkpoints = 0.001
-"""
+""")
 GAS = """
 [gas]
 cells = [3, 3, 6]
@@ -73,7 +51,7 @@ kind = "pressure_drop"
 interval = 0.001
 """
 SCENES = {"bed": BED, "gas": BED + GAS}
-ENVIRONMENT = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMIX_"))}
+ENVIRONMENT = environment_without("OMPI_", "PMIX_")
 
 
 class Lost(Exception):
@@ -166,13 +144,8 @@ class Chaos:
             job = Job([self.program, "run", path, "--out", run, "--layout", "1x1"])
             if job.end() != 0:
                 sys.exit("the undisturbed run failed:\n" + job.said())
-            self.expected[scene] = (self.hash_of(job.said()), (run / "hashes.csv").read_text())
+            self.expected[scene] = (state_hash(job.said()), (run / "hashes.csv").read_text())
         return self.expected[scene]
-
-    @staticmethod
-    def hash_of(text):
-        found = re.search(r"^state hash: ([0-9a-f]{32})$", text, re.MULTILINE)
-        return found.group(1) if found else None
 
     def command(self, case, layout=None, *more):
         words = [self.program, "run", self.folder / f"{case.scene}.toml", "--out", case.run, "--layout",
@@ -199,8 +172,8 @@ class Chaos:
 
     def must_be_as_undisturbed(self, case, said):
         state, hashes = self.reference(case.scene)
-        if self.hash_of(said) != state:
-            raise Lost(f"ended with the hash {self.hash_of(said)}, the undisturbed run with {state}\n{said}")
+        if state_hash(said) != state:
+            raise Lost(f"ended with the hash {state_hash(said)}, the undisturbed run with {state}\n{said}")
         if (case.run / "hashes.csv").read_text() != hashes:
             raise Lost("hashes.csv differs from that of the undisturbed run")
         left = [str(path) for path in case.run.rglob("*.tmp")]

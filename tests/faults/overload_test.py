@@ -5,11 +5,13 @@ usage: overload_test.py PROGRAM
 """
 
 import os
-import re
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from program import state_hash  # noqa: E402
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from chaos_test import ENVIRONMENT, SCENES  # noqa: E402
@@ -31,8 +33,8 @@ def main():
             done = subprocess.run([program, "run", scene, "--layout", layout, "--steps", "60", "--no-output", "--out",
                                    f"{folder}/{layout}-{n_cpus}"], text=True, capture_output=True, env=ENVIRONMENT,
                                   preexec_fn=limit, timeout=900)
-            found = re.search(r"^state hash: ([0-9a-f]{32})$", done.stdout, re.MULTILINE)
-            hashes[layout, n_cpus] = found.group(1) if found and done.returncode == 0 else done.stdout + done.stderr
+            found = state_hash(done.stdout) if done.returncode == 0 else None
+            hashes[layout, n_cpus] = found or done.stdout + done.stderr
             print(layout, "on one CPU:" if n_cpus else "on all CPUs:", hashes[layout, n_cpus], flush=True)
     return 0 if len(set(hashes.values())) == 1 else 1
 

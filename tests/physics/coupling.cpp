@@ -189,6 +189,33 @@ TEST_CASE("the pressure drop of a fixed bed is Ergun's, in models A and B, and i
       }
 }
 
+TEST_CASE("cells denser than the floor are taken as it, counted and told of, and momentum is not lost by it") {
+  Scene scene = column({3, 3, 8}, {0.01, 0.01, 0.01}, 1.2, 1.8e-5, 0.5);
+  scene.materials = {{"grain", 2500.0, 0.0, 0.3}};
+  scene.gas->drag = DragLaw::gidaspow;
+  scene.gas->weights = GasWeights::cell;
+  scene.gas->least_void_fraction = 0.35;
+  const double radius = 1.5e-3, share = 4.0 / 3.0 * pi * radius * radius * radius / 1e-6;  // of a cell
+  std::vector<GrainSeed> seeds;
+  const auto pile = [&](Vec3 middle, int n) {  // all in one cell, through one another
+    for (int i = 0; i < n; ++i) seeds.push_back(grain_at(middle + Vec3{0.0, 0.0, 1e-4 * i}, radius));
+  };
+  pile({0.005, 0.005, 0.032}, 52);  // 0.265 of its cell is empty
+  pile({0.015, 0.025, 0.042}, 48);  // 0.321
+  pile({0.025, 0.005, 0.052}, 44);  // 0.378
+  Particles grains = particles_of(scene, seeds);
+  Coupling coupling(scene, grid_of(scene), World(), 2);
+  for (int n = 0; n < 3; ++n) {
+    const CouplingReport report = coupling.advance(grains, n * 1e-4, 1e-4);
+    CHECK(report.n_floored == 2);
+    CHECK(report.least_void_fraction == Approx(1.0 - 52 * share).epsilon(1e-9));
+    CHECK(report.momentum_error < 1e-10);
+    CHECK(coupling.flow()->void_fraction()(0, 0, 3) == 0.35);
+    CHECK(coupling.flow()->void_fraction()(1, 2, 4) == 0.35);
+    CHECK(coupling.flow()->void_fraction()(2, 0, 5) == Approx(1.0 - 44 * share).epsilon(1e-9));
+  }
+}
+
 TEST_CASE(
     "momentum of gas, grains and boundaries closes to 1e-10, with a moving heap, for all weights and both models") {
   for (const GasModel model : {GasModel::a, GasModel::b})

@@ -1,5 +1,7 @@
 // What the gas keeps: momentum, mass, and all bits over a restart and on any number of threads.
+#include <algorithm>
 #include <catch2/catch.hpp>
+#include <cmath>
 #include <cstring>
 
 #include "tests/physics/gas_laboratory.hpp"
@@ -103,6 +105,45 @@ TEST_CASE("as much gas flows in as out, and through each cell", "[gas]") {
   CHECK(inflow[0] + inflow[1] == Approx(-inflow[2]).epsilon(1e-4));
   CHECK(inflow[0] == Approx(1.2 * 0.4 * 8.0 / 15.0 * width * depth).epsilon(1e-9));
   CHECK(inflow[1] == Approx(1.2 * 2.0 * 7.0 / 15.0 * width * depth).epsilon(1e-9));
+}
+
+TEST_CASE("in every cell and step what is there changes by what flows in, to the tolerance that is reported", "[gas]") {
+  constexpr double short_step = 4e-4;  // not divided, so that fluxes at its end are those of the step
+  for (const BusyGas& scene : {BusyGas({15, 24, 1}, true), BusyGas({8, 7, 20}, false)}) {
+    Bench bench = busy(scene);
+    advance(scene, bench);
+    int n_checked = 0;
+    for (int s = 0; s < 12; ++s) {
+      GridField<> before(bench.flow.void_fraction().layout());
+      std::copy_n(bench.flow.void_fraction().data(), before.layout().n_values(), before.data());
+      scene.load({{}, scene.grid.n}, bench.time, bench.load);
+      const GasReport report = bench.advance(short_step);
+      if (report.n_parts != 1) continue;
+      ++n_checked;
+      const GridField<>& after = bench.flow.void_fraction();
+      double worst = 0.0, emptiest = 1.0;
+      const auto cells = [&](auto visit) {
+        for (int k = 0; k < scene.grid.n[2]; ++k)
+          for (int j = 0; j < scene.grid.n[1]; ++j)
+            for (int i = 0; i < scene.grid.n[0]; ++i) visit(i, j, k);
+      };
+      cells([&](int i, int j, int k) { emptiest = std::min(emptiest, after(i, j, k)); });
+      cells([&](int i, int j, int k) {
+        const auto flux = [&](int axis, int up) {  // through the low or the high face
+          const int x = i + (axis == 0 ? up : 0), y = j + (axis == 1 ? up : 0), z = k + (axis == 2 ? up : 0);
+          const double held = after(x, y, z) + after(x - (axis == 0), y - (axis == 1), z - (axis == 2));
+          return 0.5 * held * bench.flow.velocity(axis)(x, y, z);
+        };
+        double change = after(i, j, k) - before(i, j, k);
+        for (int axis = 0; axis < (scene.grid.is_flat ? 2 : 3); ++axis)
+          change += short_step * (flux(axis, 1) - flux(axis, 0)) / scene.grid.spacing[axis];
+        worst = std::max(worst, std::abs(change) / emptiest);
+      });
+      CHECK(worst <= scene.gas.tolerance * (1.0 + 1e-6));
+      CHECK(worst <= report.imbalance * (1.0 + 1e-6) + 1e-13);
+    }
+    CHECK(n_checked > 6);
+  }
 }
 
 TEST_CASE("gas goes on after a restart bit by bit", "[gas]") {

@@ -18,6 +18,9 @@ import unittest
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from program import state_hash  # noqa: E402
+
 try:
     import h5py
 except ImportError:
@@ -61,10 +64,6 @@ def run(directory, layout, *more):
     settings, _, _ = SMALL[NAME]
     return program("run", FOLDER / "scene.toml", "--out", directory, "--layout", layout,
                    *(word for setting in settings for word in ("--set", setting)), *more)
-
-
-def state_hash(output):
-    return re.search(r"^state hash: ([0-9a-f]{32})$", output, re.MULTILINE).group(1)
 
 
 def table(path):

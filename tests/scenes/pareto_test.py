@@ -7,7 +7,6 @@ Needs the standard library; draws plots where gnuplot is installed.
 
 import csv
 import json
-import os
 import re
 import shutil
 import signal
@@ -19,42 +18,28 @@ import unittest
 from html.parser import HTMLParser
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from program import environment_without, grains_in_a_box  # noqa: E402
+
 PROJECT, PROGRAM = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
-SCENE = """
-title = "two grains on the floor & a wall"
-[domain]
-low = [0, 0, 0]
-high = [0.1, 0.1, 0.1]
-[time]
-end = 0.05
-gravity = [0.3, 0, -9.81]
-[[material]]
-name = "glass"
-density = 2500.0
-[contact]
-normal = "linear"
-tangential = "spring"
-[[contact.pair]]
-normal_stiffness = 2000.0
-restitution = 0.9
-friction = 0.4
-[[particles]]
-diameter = 0.01
-velocity = [0.2, 0.1, -1.0]
-fill = { positions = [[0.03, 0.05, 0.02], [0.07, 0.05, 0.03]] }
-[[wall]]
-name = "box"
-box = {}
-[[probe]]
+MORE = """[[probe]]
 kind = "region"
 name = "all"
 interval = 0.001
 [pareto]
 steps_per_contact = [10, 40]
 """
-CROWD = SCENE.replace("fill = { positions = [[0.03, 0.05, 0.02], [0.07, 0.05, 0.03]] }", "fill = { count = 60 }")
+PAIR = "{ positions = [[0.03, 0.05, 0.02], [0.07, 0.05, 0.03]] }"
+
+
+def scene(fill):
+    return grains_in_a_box(0.05, title="two grains on the floor & a wall", step=None, high=(0.1, 0.1, 0.1), stiffness=2000.0,
+                           diameter="0.01", fill=fill, more=MORE)
+
+
+SCENE, CROWD = scene(PAIR), scene("{ count = 60 }")
 PATIENCE = 120  # [s] for what takes seconds on an idle machine
-ENVIRONMENT = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMIX_"))}
+ENVIRONMENT = environment_without("OMPI_", "PMIX_")
 
 
 class Page(HTMLParser):

@@ -15,47 +15,23 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 import unittest
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from program import environment_without, grains_in_a_box, state_hash, wait_until  # noqa: E402
 
 PROJECT, PROGRAM = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
 HOPPER = PROJECT / "examples" / "hopper" / "scene.toml"
 SHORT_HOPPER = [word for setting in ("time.end=0.6", "wall[5].until=0.05", "output.snapshots=0.3")
                 for word in ("--set", setting)]
-SCENE = """
-title = "a few grains bounce in a box"
-[domain]
-low = [0, 0, 0]
-high = [0.1, 0.1, 0.2]
-[time]
-end = {end}
-step = 5e-5
-gravity = [0.3, 0, -9.81]
-[[material]]
-name = "glass"
-density = 2500.0
-[contact]
-normal = "linear"
-tangential = "spring"
-[[contact.pair]]
-normal_stiffness = 1000.0
-restitution = 0.9
-friction = 0.4
-[[particles]]
-diameter = [0.01, 0.012]
-velocity = [0.2, 0.1, -1.0]
-fill = {{ region = {{ box = {{ low = [0, 0, 0], high = [0.1, 0.1, 0.2] }} }}, count = 120 }}
-[[wall]]
-name = "box"
-box = {{ low = [0, 0, 0], high = [0.1, 0.1, 0.2] }}
-[output]
+OUTPUT = """[output]
 snapshots = 0.05
 checkpoints = 0.05
 """
 PATIENCE = 60  # [s] for what takes a second on an idle machine
 
-ENVIRONMENT = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMIX_"))}
+ENVIRONMENT = environment_without("OMPI_", "PMIX_")
 AS_ROOT = dict(ENVIRONMENT, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMP_WAIT_POLICY="passive")
 MPIRUN = ["mpirun", "--oversubscribe"]
 
@@ -67,10 +43,6 @@ def run(*words, environment=None, **more):
 
 def moraine(*words, **more):
     return run(PROGRAM, *words, **more)
-
-
-def state_hash(output):
-    return re.search(r"^state hash: ([0-9a-f]{32})$", output, re.MULTILINE).group(1)
 
 
 def children(parent):
@@ -92,14 +64,6 @@ def lives(pid):
         return False
 
 
-def wait_until(is_so, what):
-    for _ in range(20 * PATIENCE):
-        if is_so():
-            return
-        time.sleep(0.05)
-    raise AssertionError(f"waited in vain for {what}")
-
-
 class Ranks(unittest.TestCase):
     def setUp(self):
         self.folder = Path(tempfile.mkdtemp(prefix="moraine_ranks_"))
@@ -107,7 +71,7 @@ class Ranks(unittest.TestCase):
 
     def scene(self, end=0.2):
         path = self.folder / f"box_{end}.toml"
-        path.write_text(SCENE.format(end=end))
+        path.write_text(grains_in_a_box(end, more=OUTPUT))
         return path
 
     def must_end(self, code, done):
@@ -124,7 +88,7 @@ class Ranks(unittest.TestCase):
             job = subprocess.Popen([PROGRAM, "run", self.scene(1e4), "--out", out, *words], stdout=stdout,
                                    stderr=stderr, env=ENVIRONMENT)
         self.addCleanup(job.kill)
-        wait_until(lambda: list(out.glob("checkpoints/*.h5")) or job.poll() is not None, "the first checkpoint")
+        wait_until(lambda: list(out.glob("checkpoints/*.h5")) or job.poll() is not None, "the first checkpoint", PATIENCE)
         self.assertIsNone(job.poll(), self.said())
         (mpirun,) = children(job.pid)
         return out, job, children(mpirun)
@@ -270,12 +234,12 @@ class Ranks(unittest.TestCase):
         os.kill(children(job.pid)[0], signal.SIGKILL)
         self.assertEqual(job.wait(PATIENCE), 1)
         self.assertEqual(self.said().count("error: mpirun was ended by signal 9"), 1, self.said())
-        wait_until(lambda: not any(map(lives, ranks)), "the ranks to end")
+        wait_until(lambda: not any(map(lives, ranks)), "the ranks to end", PATIENCE)
 
     def test_killing_the_program_that_started_the_ranks_ends_them(self):
         _, job, ranks = self.start("--layout", "2x1")
         job.kill()
-        wait_until(lambda: not any(map(lives, ranks)), "the ranks to end")
+        wait_until(lambda: not any(map(lives, ranks)), "the ranks to end", PATIENCE)
 
     def test_a_fault_of_one_rank_ends_all_with_one_message_and_the_way_to_go_on(self):
         out = self.folder / "out"
@@ -309,7 +273,7 @@ class Ranks(unittest.TestCase):
         with subprocess.Popen([PROGRAM, "run", scene, "--out", out, "--layout", "2x1"], env=ENVIRONMENT,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as job:
             self.addCleanup(job.kill)
-            wait_until(out.exists, "the directory of the run")
+            wait_until(out.exists, "the directory of the run", PATIENCE)
             job.send_signal(signal.SIGTERM)
             said, errors = job.communicate(timeout=PATIENCE)
         self.assertEqual(job.returncode, 143, said + errors)

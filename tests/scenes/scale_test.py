@@ -7,7 +7,6 @@ Needs the standard library and Open MPI's mpirun; draws plots where gnuplot is i
 
 import csv
 import json
-import os
 import shutil
 import signal
 import subprocess
@@ -17,43 +16,20 @@ import time
 import unittest
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from program import environment_without, grains_in_a_box  # noqa: E402
+
 PROJECT, PROGRAM = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
-SCENE = """
-title = "a few grains bounce in a box"
-[domain]
-low = [0, 0, 0]
-high = [0.1, 0.1, 0.2]
-[time]
-end = 40
-step = 2e-5
-gravity = [0.3, 0, -9.81]
-[[material]]
-name = "glass"
-density = 2500.0
-[contact]
-normal = "linear"
-tangential = "spring"
-[[contact.pair]]
-normal_stiffness = 5000.0
-restitution = 0.9
-friction = 0.4
-[[particles]]
-diameter = [0.01, 0.012]
-velocity = [0.2, 0.1, -1.0]
-fill = { count = 120 }
-[[wall]]
-name = "box"
-box = {}
-[output]
+SCENE = grains_in_a_box(40, step=2e-5, stiffness=5000.0, more="""[output]
 snapshots = 0.01
 checkpoints = 0.01
 [[probe]]
 kind = "contacts"
 interval = 0.001
-"""
+""")
 RULE = '[scale]\nweak = ["domain.high.z", "particles[0].fill.count"]\n'
 PATIENCE = 120  # [s] for what takes seconds on an idle machine
-ENVIRONMENT = {key: value for key, value in os.environ.items() if not key.startswith(("OMPI_", "PMIX_"))}
+ENVIRONMENT = environment_without("OMPI_", "PMIX_")
 
 
 class Scale(unittest.TestCase):

@@ -17,42 +17,18 @@ import time
 import unittest
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from program import environment_without, grains_in_a_box, state_hash, wait_until  # noqa: E402
+
 PROGRAM = Path(sys.argv[1]).resolve()
-SCENE = """
-title = "a few grains bounce in a box"
-[domain]
-low = [0, 0, 0]
-high = [0.1, 0.1, 0.2]
-[time]
-end = 1e4
-step = 5e-5
-gravity = [0.3, 0, -9.81]
-[[material]]
-name = "glass"
-density = 2500.0
-[contact]
-normal = "linear"
-tangential = "spring"
-[[contact.pair]]
-normal_stiffness = 1000.0
-restitution = 0.9
-friction = 0.4
-[[particles]]
-diameter = [0.01, 0.012]
-velocity = [0.2, 0.1, -1.0]
-fill = { region = { box = { low = [0, 0, 0], high = [0.1, 0.1, 0.2] } }, count = 120 }
-[[wall]]
-name = "box"
-box = { low = [0, 0, 0], high = [0.1, 0.1, 0.2] }
-"""
 STEP = 5e-5  # [s]
 PATIENCE = 120  # [s] for what takes some seconds on an idle machine
 
 HERE = {"OMPI_MCA_btl": "self,tcp", "OMPI_MCA_pml": "ob1", "OMPI_MCA_mpi_yield_when_idle": "1",
         "OMP_WAIT_POLICY": "passive"}
-INHERITED = {key: value for key, value in os.environ.items()
-             if not key.startswith(("OMPI_", "PMIX_", "SLURM_", "SBATCH_")) or key == "SLURM_CONF"}
-ENVIRONMENT = dict(INHERITED, **HERE)
+ENVIRONMENT = dict(environment_without("OMPI_", "PMIX_", "SLURM_", "SBATCH_"), **HERE)
+if "SLURM_CONF" in os.environ:
+    ENVIRONMENT["SLURM_CONF"] = os.environ["SLURM_CONF"]
 
 
 def run(*words, **more):
@@ -60,21 +36,8 @@ def run(*words, **more):
                           env=ENVIRONMENT, check=False, **more)
 
 
-def state_hash(text):
-    return re.search(r"^state hash: ([0-9a-f]{32})$", text, re.MULTILINE).group(1)
-
-
 def queue():
     return run("squeue", "--noheader", "--format=%i %T %R").stdout
-
-
-def wait_until(is_so, what, patience=PATIENCE):
-    end = time.monotonic() + patience
-    while time.monotonic() < end:
-        if is_so():
-            return
-        time.sleep(0.2)
-    raise AssertionError(f"waited in vain for {what}")
 
 
 class Slurm(unittest.TestCase):
@@ -84,7 +47,7 @@ class Slurm(unittest.TestCase):
         self.addCleanup(run, "scancel", "--me", "--state=RUNNING")
         self.addCleanup(run, "scancel", "--me", "--state=PENDING")
         self.scene = self.folder / "bed.toml"
-        self.scene.write_text(SCENE, encoding="utf-8")
+        self.scene.write_text(grains_in_a_box(1e4, step=STEP), encoding="utf-8")
 
     def must_end(self, code, done):
         self.assertEqual(done.returncode, code, done.stdout + done.stderr)
@@ -103,11 +66,11 @@ class Slurm(unittest.TestCase):
         return "".join(path.read_text(encoding="utf-8") for path in paths)
 
     def wait_for_jobs(self, patience=PATIENCE):
-        wait_until(lambda: not queue(), f"the jobs to end: {queue()}", patience)
+        wait_until(lambda: not queue(), f"the jobs to end: {queue()}", patience, 0.2)
 
     def first_part(self, out):
         """Steps of the first job, and steps a second, once the second job goes on from them."""
-        wait_until(lambda: "going on from" in self.said(out), f"the first stop: {self.said(out)}")
+        wait_until(lambda: "going on from" in self.said(out), f"the first stop: {self.said(out)}", PATIENCE, 0.2)
         said = self.said(out)
         steps = int(re.search(r"^job: time is up at step (\d+)", said, re.MULTILINE).group(1))
         return steps, steps / float(re.search(r"^total +([\d.]+)", said, re.MULTILINE).group(1))
@@ -120,7 +83,7 @@ class Slurm(unittest.TestCase):
         first = self.submit(out, "--layout", "2x1", "--time", 1, "--margin", 25)
         steps, steps_a_second = self.first_part(out)
         end = round(steps + 70 * steps_a_second) * STEP
-        self.scene.write_text(SCENE.replace("end = 1e4", f"end = {end!r}"), encoding="utf-8")
+        self.scene.write_text(grains_in_a_box(end, step=STEP), encoding="utf-8")
         unbroken = self.moraine(0, "run", self.scene, "--layout", "1x1", "--out", whole)
         self.wait_for_jobs(6 * PATIENCE)
         said = self.said(out)
@@ -187,7 +150,7 @@ class Slurm(unittest.TestCase):
     def test_a_cancelled_job_leaves_a_checkpoint_goes_no_further_and_can_be_submitted_again(self):
         out = self.folder / "cancelled"
         job = self.submit(out, "--layout", "2x1", "--time", 10)
-        wait_until((out / "log.txt").exists, "the run to start")
+        wait_until((out / "log.txt").exists, "the run to start", PATIENCE)
         refused = self.moraine(2, "submit", self.scene, "--layout", "2x1", "--out", out, "--restart", "auto")
         self.assertIn(f"belongs to job {job}, which has not ended yet", refused.stderr)
         time.sleep(3)

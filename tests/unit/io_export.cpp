@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
+#include <span>
 #include <sstream>
 
 #include "io/checkpoint/durable_file.hpp"
@@ -17,12 +18,14 @@
 #include "io/export/povray_walls.hpp"
 #include "io/export/render.hpp"
 #include "io/export/run_tables.hpp"
+#include "io/export/spectrum.hpp"
 #include "io/export/tecplot.hpp"
 #include "io/export/view.hpp"
 #include "io/export/vtk.hpp"
 #include "io/export/wall_mesh.hpp"
 #include "io/snapshot/series.hpp"
 #include "io/snapshot/snapshot.hpp"
+#include "kernels/base/random.hpp"
 #include "tests/unit/io_images.hpp"
 
 using namespace moraine;
@@ -332,6 +335,53 @@ TEST_CASE("a slice of the gas has the cells of the middle layer, and unknown qua
   CHECK(slice.values[4] == first.values[(1 * 4 + 2) * 3 + 1]);
   CHECK_THROWS_WITH(gas_slice(image, "nothing", 1), Catch::Contains("\"nothing\" is no quantity of the gas"));
   CHECK_THROWS_WITH(gas_slice(make_image(3), "pressure", 1), Catch::Contains("there is no gas"));
+}
+
+TEST_CASE("a spectrum has the power of a wave at its frequency, and the variance of noise in all") {
+  constexpr std::size_t n = 4096;
+  constexpr double step = 0.01, pi = 3.14159265358979323846;
+  std::vector<double> time, wave, noise;
+  double variance = 0.0;
+  for (std::size_t k = 0; k < n; ++k) {
+    time.push_back(3.0 + step * static_cast<double>(k));
+    wave.push_back(200.0 + 7.0 * std::sin(2.0 * pi * 6.25 * time[k]));  // 64 periods in a piece
+    noise.push_back(random_normal(1, k, RandomPurpose::velocity));
+    variance += noise[k] * noise[k] / static_cast<double>(n);
+  }
+  const auto integral = [](const Spectrum& spectrum, double low, double high) {
+    double sum = 0.0;
+    for (std::size_t f = 0; f < spectrum.frequency.size(); ++f)
+      if (spectrum.frequency[f] > low && spectrum.frequency[f] < high)
+        sum += spectrum.density[f] * spectrum.frequency[0];
+    return sum;
+  };
+  const auto of_wave = spectrum_of(time, wave), of_noise = spectrum_of(time, noise);
+  REQUIRE(of_wave);
+  REQUIRE(of_noise);
+  CHECK(of_wave->n_pieces == 7);
+  CHECK(of_wave->frequency.front() == Approx(1.0 / (1024 * step)));
+  CHECK(of_wave->frequency.back() == Approx(0.5 / step));
+  CHECK(integral(*of_wave, 0.0, 1e3) == Approx(0.5 * 7.0 * 7.0).epsilon(1e-9));
+  CHECK(integral(*of_wave, 6.0, 6.5) == Approx(0.5 * 7.0 * 7.0).epsilon(1e-9));
+  const auto most = std::max_element(of_wave->density.begin(), of_wave->density.end()) - of_wave->density.begin();
+  CHECK(of_wave->frequency[static_cast<std::size_t>(most)] == Approx(6.25));
+  CHECK(integral(*of_noise, 0.0, 1e3) == Approx(variance).epsilon(0.05));
+  CHECK(integral(*of_noise, 0.0, 25.0) == Approx(0.5 * variance).epsilon(0.1));
+}
+
+TEST_CASE("no spectrum is made of few values, of gaps, or of what is no number") {
+  std::vector<double> time, values;
+  for (int k = 0; k < 100; ++k) {
+    time.push_back(0.1 * k + (k % 2 == 0 ? 0.004 : 0.0));  // as steps of a run fall
+    values.push_back(k % 7);
+  }
+  CHECK(spectrum_of(time, values));
+  CHECK_FALSE(spectrum_of(std::span(time).first(63), std::span(values).first(63)));
+  values[50] = std::nan("");
+  CHECK_FALSE(spectrum_of(time, values));
+  values[50] = 0.0;
+  for (std::size_t k = 60; k < 100; ++k) time[k] += 0.1;
+  CHECK_FALSE(spectrum_of(time, values));
 }
 
 TEST_CASE("Tecplot files have a zone with every grain") {
