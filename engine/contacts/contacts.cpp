@@ -58,6 +58,9 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
   needs_.slot_size = slot_size(choice_.has_rotation, choice_.has_ledger, choice_.has_further());
   needs_.species_table = laws_.pair_species.data();
   needs_.n_materials = laws_.n_materials;
+  for (const Surface& surface : walls.surfaces())
+    has_map_.push_back(scene.walls[static_cast<std::size_t>(surface.wall)].has_force_map);
+  if (std::find(has_map_.begin(), has_map_.end(), true) == has_map_.end()) has_map_.clear();
 }
 
 void Contacts::rebuild(Particles& particles, double skin, double time, int n_threads, const Births& births) {
@@ -143,6 +146,7 @@ void Contacts::advance(Particles& particles, const Kick& kick, double dt, double
                        StepResult& result, double counted) {
   const int n_active = std::min(n_threads, static_cast<int>(pairs_.threads().size()));
   std::vector<ThreadStep> steps(static_cast<std::size_t>(n_active));
+  if (!has_map_.empty()) triangle_forces_.assign(static_cast<std::size_t>(n_active), {});
   if (!ghosts_.are_fresh()) ghosts_.start_refresh(particles);
   parallel(n_active, [&](int thread) {
     advance_thread(particles, kick, dt, travelled, counted, thread, steps[static_cast<std::size_t>(thread)]);
@@ -219,6 +223,9 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
     wall_contacts_.remember(thread, candidates);
     if (measures_walls_)
       wall_contacts_.measure(particles, thread, candidates, dt, counted, choice_.has_ledger, step.walls);
+    if (!has_map_.empty())
+      wall_contacts_.note_forces(particles, thread, candidates, has_map_,
+                                 triangle_forces_[static_cast<std::size_t>(thread)]);
     sums.wall_grain = touches.grain;
     sums.wall_slots = touches.slots;
     sums.n_wall = n;

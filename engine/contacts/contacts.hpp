@@ -108,6 +108,8 @@ class Contacts {
                double counted = 1.0);
   /// Work of moving walls since the start of this process, and pushes on servos in the last step; of this rank.
   const WallSums& wall_sums() const { return wall_sums_; }
+  /// What the last advance() has done to the triangles of walls that have a force map, by thread; empty where none has.
+  std::span<const std::vector<TriangleForce>> triangle_forces() const { return triangle_forces_; }
 
   /// Further acceleration of each grain, three doubles, in the place of what the gas gives; nullptr: what the gas gives [m/s2]. It must
   /// be there as long as it is set.
@@ -213,6 +215,8 @@ class Contacts {
   std::optional<SetAside> set_aside_;
   ExactSum energy_left_;
   WallSums wall_sums_;
+  std::vector<bool> has_map_;  // of each surface; empty: none has
+  std::vector<std::vector<TriangleForce>> triangle_forces_;
   const double* push_ = nullptr;
   std::uint64_t n_migrated_ = 0;
 };

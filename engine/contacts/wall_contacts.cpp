@@ -363,6 +363,51 @@ void WallContacts::measure(const Particles& particles, int thread, Range candida
   }
 }
 
+/// The triangle nearest to a point of a touch, of those that the grain could touch: any list of candidates has all of these, so that the
+/// choice does not depend on the skin. At an edge or a corner that of the lowest number. Points are at home.
+std::int32_t WallContacts::touched_triangle(const Share& share, const WallCandidate& candidate, Vec3 centre,
+                                            double reach, Vec3 point) const {
+  const MeshView mesh = walls_->mesh(walls_->surfaces()[at(candidate.surface)].mesh);
+  std::int32_t nearest = share.triangles[at(candidate.triangles)];  // where a touch is one by rounding only
+  double least = std::numeric_limits<double>::infinity();
+  for (std::int32_t n = candidate.triangles; n < candidate.triangles + candidate.n_triangles; ++n) {
+    const std::int32_t triangle = share.triangles[at(n)];
+    const Vec3* const corners = mesh.corners + 3 * std::ptrdiff_t{triangle};
+    const Vec3 normal = mesh.normals[triangle];
+    if (!(squared_distance_to_triangle(centre, corners, normal) < reach * reach)) continue;
+    const double squared = squared_distance_to_triangle(point, corners, normal);
+    if (!(squared < least)) continue;
+    least = squared;
+    nearest = triangle;
+  }
+  return nearest;
+}
+
+void WallContacts::note_forces(const Particles& particles, int thread, Range candidates,
+                               const std::vector<bool>& is_wanted, std::vector<TriangleForce>& forces) const {
+  const Share& share = shares_[index(thread)];
+  const std::size_t room = share.columns.size() / 8;
+  for (std::int64_t c = candidates.begin; c < candidates.end; ++c) {
+    const WallCandidate& candidate = share.list[at(c)];
+    if (!is_wanted[at(candidate.surface)]) continue;
+    const Pose& pose = pose_of(candidate.surface);
+    const Vec3 centre = particles.position(candidate.grain), home = pose.to_home(centre);
+    for (std::int64_t t = share.touch_begin[at(c - candidates.begin)];
+         t < share.touch_begin[at(c - candidates.begin) + 1]; ++t) {
+      const double* const slot = share.slots.data() + t * slot_size_;
+      const Vec3 force{-slot[0], -slot[1], -slot[2]};
+      if (force == Vec3{}) continue;
+      const double* const column = share.columns.data() + t;
+      const Vec3 normal{column[0], column[room], column[2 * room]};
+      const Vec3 point = pose.to_home(centre - column[3 * room] * normal);
+      const std::int32_t triangle =
+          touched_triangle(share, candidate, home, particles.radius(candidate.grain) + reach_, point);
+      const double pushed = -dot(force, normal);
+      forces.push_back({candidate.surface, triangle, force, pushed, length(force + pushed * normal)});
+    }
+  }
+}
+
 void WallContacts::clear_memory(std::int32_t i, ExactSum& energy) {
   if (!columns_.has_history) return;
   for (Share& share : shares_)

@@ -47,6 +47,15 @@ struct WallSums {
   std::vector<ExactSum> pushes;  // [N] or [N m] of each servo: along or about its axis, in the last step
 };
 
+/// What a touch does to a triangle of a mesh, that nearest to where it is touched, in one step.
+struct TriangleForce {
+  std::int32_t surface = 0;
+  std::int32_t triangle = 0;
+  Vec3 force;               // [N] on the wall
+  double normal = 0.0;      // [N] away from the grain
+  double tangential = 0.0;  // [N] size of the rest
+};
+
 class WallContacts {
  public:
   /// `reach` [m]: how far beyond contact there may be a force.
@@ -100,6 +109,10 @@ class WallContacts {
   void measure(const Particles& particles, int thread, Range candidates, double dt, double share, bool has_work,
                WallSums& sums) const;
 
+  /// Appends what the touches of these candidates, as swept, do to triangles of the surfaces that are wanted.
+  void note_forces(const Particles& particles, int thread, Range candidates, const std::vector<bool>& is_wanted,
+                   std::vector<TriangleForce>& forces) const;
+
   /// Grain i has left: its touches remember nothing more. Adds up the energy that their springs held [J].
   void clear_memory(std::int32_t i, ExactSum& energy);
 
@@ -131,6 +144,8 @@ class WallContacts {
   void find_across_faces(const Particles& particles, std::int32_t begin, std::int32_t end, double skin, double time,
                          WallCandidates& found) const;
   int touch_one(const Particles& particles, const Share& share, const WallCandidate& candidate, Touch* touches) const;
+  std::int32_t touched_triangle(const Share& share, const WallCandidate& candidate, Vec3 centre, double reach,
+                                Vec3 point) const;
   Vec3 wall_velocity(std::int32_t surface, Vec3 centre, const Touch& touch) const;
   const Pose& pose_of(std::int32_t surface) const { return walls_->pose(surface); }
   PairMemory in_scene(std::int32_t surface, PairMemory memory) const;

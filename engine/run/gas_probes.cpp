@@ -10,6 +10,7 @@
 
 #include "comm/totals.hpp"
 #include "kernels/base/exact_sum.hpp"
+#include "kernels/base/fixed_point.hpp"
 #include "kernels/base/sphere.hpp"
 
 namespace moraine {
@@ -19,15 +20,6 @@ namespace {
 constexpr const char* axis_names[] = {"x", "y", "z"};
 
 // ---- grains in cells
-
-/// A power of two by which values up to `largest` become integers up to 2^bits.
-double scale_for(double largest, int bits) {
-  if (!(largest > 0.0) || !std::isfinite(largest)) return 1.0;
-  int exponent = 0;
-  std::frexp(largest, &exponent);
-  return std::ldexp(1.0, std::clamp(bits - exponent, -1000, 1000));
-}
-std::int64_t fixed(double value, double scale) { return std::llround(value * scale); }
 
 /// Bits of one grain's contribution: 2^27 grains fit into a cell.
 constexpr int grain_bits = 36;

@@ -71,6 +71,31 @@ struct GridArray {
   std::vector<double> values;  // of this rank
 };
 
+/// What grains did to the triangles of a wall, mean over the steps since the last snapshot that was due. Degenerate and duplicate triangles of
+/// the mesh are left out. The same on all ranks.
+struct WallMap {
+  std::string name;              // of the wall
+  std::vector<double> corners;   // [m] nine a triangle, where the wall is at the time of the image
+  std::vector<double> force;     // [N] three a triangle, on the wall
+  std::vector<double> pressure;  // [Pa] normal force over area
+  std::vector<double> shear;     // [Pa] sum of the sizes of tangential forces over area
+  std::size_t n_triangles() const { return pressure.size(); }
+  bool operator==(const WallMap&) const = default;
+};
+
+/// Coarse-grained fields on a grid of cells, as they are written: means over samples (Probe::Kind::fields).
+struct FieldImage {
+  std::string name;  // of the probe
+  std::uint64_t step = 0;
+  double time = 0.0;       // [s] of the last sample
+  double time_step = 0.0;  // [s]
+  double from = 0.0;       // [s] of the first sample
+  std::uint64_t n_samples = 0;
+  Box box;                        // [m] of the grid
+  std::array<int, 3> n{};         // cells
+  std::vector<GridArray> arrays;  // each of n values
+};
+
 /// Under which an image's accumulators hold where a moving wall is: x = R X + s for what the scene has at X; R row by row [-], then s [m].
 inline std::string pose_name(const std::string& wall) { return "pose_" + wall; }
 
@@ -86,6 +111,8 @@ struct Image {
   std::vector<FurtherHistory> further;  // in the same order; of pairs that have any of it
   std::vector<WallHistory> walls;       // in order of (gid, surface, normal); empty in snapshots
   std::vector<GridArray> grids;         // of the gas; empty without
+  std::vector<GridArray> sums;          // what probes of kind fields add up, on grids of their own; checkpoints only
+  std::vector<WallMap> maps;            // of walls that have a force map; snapshots only
   // named state of observers and counters; doubles carry it exactly; the same on all ranks
   std::map<std::string, std::vector<double>> accumulators;
   Hash128 hash;

@@ -9,6 +9,7 @@
 #include "engine/contacts/law_table.hpp"
 #include "engine/particles/fill.hpp"
 #include "engine/particles/sizes.hpp"
+#include "engine/run/coarse_fields.hpp"
 #include "engine/run/one_contact.hpp"
 #include "engine/scene/lists.hpp"
 #include "engine/walls/motion.hpp"
@@ -352,6 +353,8 @@ Plan make_plan(const Scene& scene, int n_threads) {
   plan.skin = scene.run.skin > 0.0 ? scene.run.skin : 0.1 * mean_diameter(scene);
   plan.memory = bytes_of_program + static_cast<double>(plan.n_grains) * bytes_per_grain(scene) +
                 (scene.gas ? n_gas_cells(scene) * bytes_per_cell(*scene.gas) : 0.0);
+  for (const Probe& probe : scene.output.probes)
+    if (probe.kind == Probe::Kind::fields) plan.memory += memory_of_fields(scene, probe);
   // Particle-steps a second of one core as measured on the settled bed (bench/results); a guess for any other scene.
   const double rate = 8e6 * std::max(1.0, 0.9 * n_threads);
   plan.seconds = static_cast<double>(plan.n_grains) * static_cast<double>(plan.n_steps) / rate;

@@ -8,6 +8,7 @@
 #include <span>
 
 #include "comm/totals.hpp"
+#include "engine/run/coarse_fields.hpp"
 #include "engine/scene/lists.hpp"
 #include "kernels/base/exact_sum.hpp"
 #include "kernels/base/sphere.hpp"
@@ -119,6 +120,67 @@ std::vector<double> wall_pressure(const ProbeView& view, const Probe& probe) {
 /// Sums over grains: number, volume, velocity, square of the velocity, contacts.
 enum GrainSum : std::size_t { number, volume, velocity_x, velocity_y, velocity_z, square, n_ends, n_grain_sums };
 
+/// Materials that grains are made of, where a probe tells them apart.
+std::vector<std::size_t> species_of(const Scene& scene, const Probe& probe) {
+  std::vector<std::size_t> species;
+  if (!probe.by_material) return species;
+  const std::vector<bool> is_grain = grain_materials(scene);
+  for (std::size_t m = 0; m < is_grain.size(); ++m)
+    if (is_grain[m]) species.push_back(m);
+  return species;
+}
+
+/// Of the grains of each species in the region: number, mass, solid fraction, velocity of their centre of mass, granular temperature (the mean
+/// square of velocities relative to it, weighed by mass, over the number of dimensions), centre of mass.
+std::vector<double> species_in_region(const ProbeView& view, const Probe& probe) {
+  enum Sum : std::size_t { n, mass, volume, momentum, square = momentum + 3, moment, n_sums = moment + 3 };
+  const std::vector<std::size_t> species = species_of(view.scene, probe);
+  std::vector<ExactSum> sums(view.scene.materials.size() * n_sums);
+  const Particles& p = view.particles;
+  for (std::int32_t i = 0; i < p.size() && !species.empty(); ++i) {
+    if (!p.is_here(i) || !probe.region.contains(p.position(i))) continue;
+    ExactSum* const own = &sums[p.material(i) * n_sums];
+    const double m = 1.0 / p.inverse_mass(i);
+    const Vec3 v = p.velocity(i), x = p.position(i);
+    own[n].add(1.0);
+    own[mass].add(m);
+    own[volume].add(sphere_volume(p.radius(i)));
+    for (std::size_t a = 0; a < 3; ++a) {
+      own[momentum + a].add(m * v[static_cast<int>(a)]);
+      own[moment + a].add(m * x[static_cast<int>(a)]);
+    }
+    own[square].add(m * squared_length(v));
+  }
+  total(view.world, sums);
+  const std::vector<double> values = values_of(sums);
+  std::vector<double> row;
+  for (const std::size_t material : species) {
+    const double* const own = &values[material * n_sums];
+    const double share = own[mass] > 0.0 ? 1.0 / own[mass] : 0.0;
+    const Vec3 mean = share * Vec3{own[momentum], own[momentum + 1], own[momentum + 2]};
+    const double temperature = std::max(0.0, share * own[square] - squared_length(mean)) / view.scene.domain.dimensions;
+    row.insert(row.end(), {own[n], own[mass], own[volume] / probe.region.volume(), mean.x, mean.y, mean.z, temperature,
+                           share * own[moment], share * own[moment + 1], share * own[moment + 2]});
+  }
+  return row;
+}
+
+std::vector<std::string> region_columns(const Scene& scene, const Probe& probe) {
+  std::vector<std::string> names = {"grains",
+                                    "solid fraction",
+                                    "velocity x [m/s]",
+                                    "velocity y [m/s]",
+                                    "velocity z [m/s]",
+                                    "granular temperature [m2/s2]",
+                                    "coordination number"};
+  for (const std::size_t material : species_of(scene, probe))
+    for (const char* what : {"{} grains", "{} mass [kg]", "{} solid fraction", "{} velocity x [m/s]",
+                             "{} velocity y [m/s]", "{} velocity z [m/s]", "{} granular temperature [m2/s2]",
+                             "{} centre x [m]", "{} centre y [m]", "{} centre z [m]"})
+      names.push_back(fmt::format(fmt::runtime(what), scene.materials[material].name));
+  return names;
+}
+
 std::vector<double> region(const ProbeView& view, const Probe& probe) {
   const Particles& p = view.particles;
   std::array<ExactSum, n_grain_sums> sums;
@@ -146,33 +208,67 @@ std::vector<double> region(const ProbeView& view, const Probe& probe) {
   const double n = value[number], share = n > 0.0 ? 1.0 / n : 0.0;
   const Vec3 mean = share * Vec3{value[velocity_x], value[velocity_y], value[velocity_z]};
   const double temperature = std::max(0.0, share * value[square] - squared_length(mean)) / 3.0;
-  return {n, value[volume] / probe.region.volume(), mean.x, mean.y, mean.z, temperature, value[n_ends] * share};
+  std::vector<double> row = {
+      n, value[volume] / probe.region.volume(), mean.x, mean.y, mean.z, temperature, value[n_ends] * share};
+  const std::vector<double> of_species = species_in_region(view, probe);
+  row.insert(row.end(), of_species.begin(), of_species.end());
+  return row;
 }
 
+/// Slices of all grains, then those of each species.
 std::vector<double> profile(const ProbeView& view, const Probe& probe) {
   const Particles& p = view.particles;
+  const std::vector<std::size_t> species = species_of(view.scene, probe);
   const auto bins = static_cast<std::size_t>(probe.bins);
   constexpr std::size_t width = square;  // number, volume, velocity
-  std::vector<ExactSum> sums(bins * width);
+  std::vector<std::size_t> group_of(view.scene.materials.size(), 0);
+  for (std::size_t s = 0; s < species.size(); ++s) group_of[species[s]] = s + 1;
+  std::vector<ExactSum> sums((1 + species.size()) * bins * width);
   for (std::int32_t i = 0; i < p.size(); ++i) {
     if (!p.is_here(i) || !probe.region.contains(p.position(i))) continue;
     const auto bin =
         static_cast<std::size_t>(std::clamp(bin_of(probe, probe.region, p.position(i)), 0, probe.bins - 1));
-    ExactSum* const own = &sums[bin * width];
-    own[number].add(1.0);
-    own[volume].add(sphere_volume(p.radius(i)));
-    for (int axis = 0; axis < 3; ++axis) own[velocity_x + static_cast<std::size_t>(axis)].add(p.velocity(i)[axis]);
+    const auto add = [&](std::size_t group) {
+      ExactSum* const own = &sums[(group * bins + bin) * width];
+      own[number].add(1.0);
+      own[volume].add(sphere_volume(p.radius(i)));
+      for (int axis = 0; axis < 3; ++axis) own[velocity_x + static_cast<std::size_t>(axis)].add(p.velocity(i)[axis]);
+    };
+    add(0);
+    if (const std::size_t group = group_of[p.material(i)]; group > 0) add(group);
   }
   total(view.world, sums);
   const std::vector<double> values = values_of(sums);
   std::vector<double> row;
-  for (std::size_t bin = 0; bin < bins; ++bin) {
-    const double* const own = &values[bin * width];
+  for (std::size_t slice = 0; slice < (1 + species.size()) * bins; ++slice) {
+    const double* const own = &values[slice * width];
     const double n = own[number];
     row.push_back(own[volume] * probe.bins / probe.region.volume());
     for (std::size_t k = velocity_x; k <= velocity_z; ++k) row.push_back(n > 0.0 ? own[k] / n : 0.0);
   }
   return row;
+}
+
+/// Of a profile along an axis, or of the pressure on a wall.
+std::vector<std::string> slice_columns(const Scene& scene, const Probe& probe) {
+  const bool is_wall = probe.kind == Probe::Kind::wall_pressure;
+  const Box extent = is_wall ? Walls(scene).extent(wall_index(scene, probe.wall), scene.domain.box()) : probe.region;
+  std::vector<std::string> groups = {""};
+  for (const std::size_t material : species_of(scene, probe))
+    if (!is_wall) groups.push_back(scene.materials[material].name + " ");
+  const double low = extent.low[probe.axis], size = (extent.high[probe.axis] - low) / probe.bins;
+  std::vector<std::string> names;
+  for (const std::string& group : groups)
+    for (int bin = 0; bin < probe.bins; ++bin) {
+      const std::string at = fmt::format("{} {:.6g} m", axis_names[probe.axis], low + (bin + 0.5) * size);
+      if (is_wall) {
+        names.push_back("pressure at " + at + " [Pa]");
+        continue;
+      }
+      names.push_back(group + "solid fraction at " + at);
+      for (const char* axis : axis_names) names.push_back(fmt::format("{}velocity {} at {} [m/s]", group, axis, at));
+    }
+  return names;
 }
 
 std::vector<double> contacts(const ProbeView& view) {
@@ -288,7 +384,6 @@ std::vector<double> energy(const EnergyLedger& e) {
 }  // namespace
 
 std::vector<std::string> probe_columns(const Scene& scene, const Probe& probe) {
-  std::vector<std::string> names;
   switch (probe.kind) {
     case Probe::Kind::energy:
       return {"kinetic [J]",
@@ -305,42 +400,21 @@ std::vector<std::string> probe_columns(const Scene& scene, const Probe& probe) {
               "total [J]",
               "error [J]"};
     case Probe::Kind::wall_force: return wall_force_columns(scene, probe);
-    case Probe::Kind::region:
-      return {"grains",
-              "solid fraction",
-              "velocity x [m/s]",
-              "velocity y [m/s]",
-              "velocity z [m/s]",
-              "granular temperature [m2/s2]",
-              "coordination number"};
+    case Probe::Kind::region: return region_columns(scene, probe);
     case Probe::Kind::mass: return mass_columns(scene);
     case Probe::Kind::mixing:
       return {"mixing index", "share of " + probe.material, "grains looked at", "cells with grains"};
     case Probe::Kind::contacts: return {"contacts", "mean overlap / radius", "largest overlap / radius"};
+    case Probe::Kind::fields: return CoarseFields::columns();
     case Probe::Kind::wall_pressure:
-    case Probe::Kind::profile: {
-      Box extent = probe.region;
-      if (probe.kind == Probe::Kind::wall_pressure)
-        extent = Walls(scene).extent(wall_index(scene, probe.wall), scene.domain.box());
-      const double low = extent.low[probe.axis], size = (extent.high[probe.axis] - low) / probe.bins;
-      for (int bin = 0; bin < probe.bins; ++bin) {
-        const std::string at = fmt::format("{} {:.6g} m", axis_names[probe.axis], low + (bin + 0.5) * size);
-        if (probe.kind == Probe::Kind::wall_pressure) {
-          names.push_back("pressure at " + at + " [Pa]");
-        } else {
-          names.push_back("solid fraction at " + at);
-          for (const char* axis : axis_names) names.push_back(fmt::format("velocity {} at {} [m/s]", axis, at));
-        }
-      }
-      return names;
-    }
+    case Probe::Kind::profile: return slice_columns(scene, probe);
     case Probe::Kind::pressure:
     case Probe::Kind::pressure_drop:
     case Probe::Kind::bed_height:
     case Probe::Kind::gas_profile:
     case Probe::Kind::gas_mean: return gas_probe_columns(scene, probe);
   }
-  return names;
+  return {};
 }
 
 std::vector<double> probe_row(const ProbeView& view, const Probe& probe, std::vector<double>& last) {
@@ -353,6 +427,7 @@ std::vector<double> probe_row(const ProbeView& view, const Probe& probe, std::ve
     case Probe::Kind::profile: return profile(view, probe);
     case Probe::Kind::contacts: return contacts(view);
     case Probe::Kind::mixing: return mixing(view, probe);
+    case Probe::Kind::fields: break;  // Simulation has them
     case Probe::Kind::pressure:
     case Probe::Kind::pressure_drop:
     case Probe::Kind::bed_height:

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <numeric>
 #include <optional>
 #include <stdexcept>
@@ -20,8 +21,10 @@
 #include "engine/particles/sizes.hpp"
 #include "engine/run/balance.hpp"
 #include "engine/run/census.hpp"
+#include "engine/run/coarse_fields.hpp"
 #include "engine/run/decomposition.hpp"
 #include "engine/run/flight_record.hpp"
+#include "engine/run/force_maps.hpp"
 #include "engine/run/gas_phase.hpp"
 #include "engine/run/guard.hpp"
 #include "engine/run/image_check.hpp"
@@ -161,6 +164,8 @@ struct Simulation::Parts {
   double energy_initial = 0.0;
   bool has_energy_initial = false;
   std::vector<std::vector<double>> probe_memory;
+  std::map<std::size_t, CoarseFields> fields;  // of probes, by number
+  ForceMaps force_maps;
 
   // Until when the pair list is good.
   double skin = 0.0;        // [m]
@@ -198,11 +203,14 @@ struct Simulation::Parts {
         dt(plan.time_step.step),
         census(s.materials.size(), s.outlets.size()),
         probe_memory(s.output.probes.size()),
+        force_maps(s, walls),
         recorder(s.run.max_overlap),
         world(ranks),
         balancer(ranks, s.run.balance, threads) {
     wall_speed = fastest_wall(s);
     walls.move_to(0.0, dt);
+    for (std::size_t k = 0; k < s.output.probes.size(); ++k)
+      if (s.output.probes[k].kind == Probe::Kind::fields) fields.try_emplace(k, s, s.output.probes[k], ranks);
   }
 
   double time() const { return static_cast<double>(step) * dt; }
@@ -253,6 +261,9 @@ struct Simulation::Parts {
   void renew_list();
   void take_memory(Image& image);
   CensusTaker full_census() const;
+  std::size_t memory_of_probes() const;
+  Kick kick_to_positions() const;
+  std::vector<double> sample_fields(CoarseFields& probe);
   EnergyLedger energy();
   std::vector<double> remembered() const;
   Image image_head() const;
@@ -561,6 +572,7 @@ void Simulation::Parts::advance() {
     double* const lost = particles.dissipated();
     for (std::ptrdiff_t i = 0; i < particles.size(); ++i) lost[4 * i] *= 0.5;
   }
+  if (!force_maps.empty()) force_maps.add(contacts->triangle_forces());
   travelled += result.max_speed * dt;
 }
 
@@ -778,17 +790,40 @@ CensusTaker Simulation::Parts::full_census() const {
   return own.total(world);
 }
 
+/// Of those that keep sums on grids and triangles [bytes].
+std::size_t Simulation::Parts::memory_of_probes() const {
+  std::size_t bytes = force_maps.memory();
+  for (const auto& [number, probe] : fields) bytes += probe.memory();
+  return bytes;
+}
+
+/// The kick that brings velocities, which are half a step late, to the time of the positions.
+Kick Simulation::Parts::kick_to_positions() const {
+  const double h = step == 0 ? 0.0 : 0.5 * dt;  // how late they are
+  const double c = scene.time.damping;
+  Kick kick = kick_of(h);
+  kick.keep = 1.0 / (1.0 + c * h);
+  kick.gain = h / (1.0 + c * h);
+  kick.drift = 0.0;
+  return kick;
+}
+
+/// With the velocities that go with the forces of now, so that momentum balances to the second order in the step.
+std::vector<double> Simulation::Parts::sample_fields(CoarseFields& probe) {
+  renew_list();
+  apply_body_force();
+  const Contacts::Velocities now = contacts->velocities_now(particles, kick_to_positions(), dt, n_threads);
+  const double* const pushes = push.empty() ? particles.gas_acceleration() : push.data();
+  return probe.add({particles, *contacts, now.linear, pushes, time(), dt, n_threads});
+}
+
 EnergyLedger Simulation::Parts::energy() {
   renew_list();
   apply_body_force();
-  const double h = step == 0 ? 0.0 : 0.5 * dt;  // how late the velocities are
-  const double c = scene.time.damping;
-  Kick half_kick = kick_of(h);
-  half_kick.keep = 1.0 / (1.0 + c * h);
-  half_kick.gain = h / (1.0 + c * h);
-  half_kick.drift = 0.0;
+  const Kick half_kick = kick_to_positions();
   const Contacts::Velocities now = contacts->velocities_now(particles, half_kick, dt, n_threads);
-  EnergyLedger ledger = take_ledger(world, particles, *contacts, now, scene.time.gravity, c, 2.0 * h);
+  EnergyLedger ledger =
+      take_ledger(world, particles, *contacts, now, scene.time.gravity, scene.time.damping, 2.0 * half_kick.time);
   const CensusTaker all = full_census();
   ledger.left = all.energy_left.value();
   // Half of what walls do in the present step is done at the positions.
@@ -892,6 +927,8 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
     if (const auto found = image.accumulators.find("probe_" + scene.output.probes[k].name);
         found != image.accumulators.end())
       p.probe_memory[k] = found->second;
+  for (auto& [number, probe] : p.fields) probe.restore(image);
+  p.force_maps.restore(world, image.accumulators);
   for (std::size_t k = 0; k < p.walls.servo_states().size(); ++k) {
     const std::string name = servo_name(scene, p.walls, k);
     const auto found = image.accumulators.find(name);
@@ -1012,7 +1049,8 @@ std::vector<std::string> Simulation::take_notes() { return std::exchange(parts_-
 double Simulation::memory() const {
   const Parts& p = *parts_;
   return static_cast<double>(p.particles.memory() + p.contacts->memory() +
-                             p.place_at_rebuild.capacity() * sizeof(Vec3) + (p.gas ? p.gas->memory() : 0));
+                             p.place_at_rebuild.capacity() * sizeof(Vec3) + (p.gas ? p.gas->memory() : 0) +
+                             p.memory_of_probes());
 }
 std::vector<PhaseTime> Simulation::phases() const {
   std::vector<PhaseTime> rows;
@@ -1057,6 +1095,8 @@ std::uint64_t Simulation::n_cuts() const { return parts_->n_cuts; }
 std::int64_t Simulation::n_own_pairs() const { return parts_->contacts->n_pairs(); }
 std::uint64_t Simulation::n_own_grains() const { return static_cast<std::uint64_t>(parts_->particles.size()); }
 
+void Simulation::begin_force_maps() { parts_->force_maps.begin(); }
+
 Hash128 Simulation::state_hash() const {
   // A wall that vanishes in this very step takes what its contacts remember along.
   if (parts_->contacts->are_set_aside() || parts_->time() >= parts_->next_wall_change) parts_->rebuild();
@@ -1080,6 +1120,7 @@ Image Simulation::snapshot(const std::vector<std::string>& fields) const {
   p.count();
   share_out_rows(p.world, p.n_born, image);
   if (p.gas) p.gas->gather_shown(image);
+  image.maps = p.force_maps.maps(p.world, p.walls);
   image.hash = state_hash();
   return image;
 }
@@ -1096,6 +1137,8 @@ Image Simulation::checkpoint() const {
   p.count();
   share_out_rows(p.world, p.n_born, image);
   if (p.gas) p.gas->gather_kept(image);
+  for (const auto& [number, probe] : p.fields) probe.keep(image);
+  p.force_maps.keep(p.world, image.accumulators);
   p.full_census().keep(image.accumulators);
   image.accumulators.merge(p.inlets.remembered(p.world));
   image.accumulators["energy_initial"] = {p.energy_initial};
@@ -1121,6 +1164,7 @@ std::vector<std::string> Simulation::probe_columns(std::size_t probe) const {
 std::vector<double> Simulation::probe_row(std::size_t probe) {
   Parts& p = *parts_;
   const Probe& wanted = p.scene.output.probes.at(probe);
+  if (wanted.kind == Probe::Kind::fields) return p.sample_fields(p.fields.at(probe));
   p.renew_list();
   std::optional<EnergyLedger> ledger;
   if (p.scene.output.energy && wanted.kind == Probe::Kind::energy) ledger = p.energy();
@@ -1132,5 +1176,14 @@ std::vector<double> Simulation::probe_row(std::size_t probe) {
       all.census(), &p.inlets, p.time(), gas ? &*gas : nullptr};
   return moraine::probe_row(view, wanted, p.probe_memory[probe]);
 }
+
+FieldImage Simulation::fields(std::size_t probe) const {
+  FieldImage image = parts_->fields.at(probe).image();
+  image.step = parts_->step;
+  image.time_step = parts_->dt;
+  return image;
+}
+
+void Simulation::begin_fields(std::size_t probe) { parts_->fields.at(probe).begin(); }
 
 }  // namespace moraine

@@ -110,6 +110,8 @@ class Simulation {
   Image checkpoint() const;
   /// The given fields only (empty: all that travel), in order of gid. All ranks, as above.
   Image snapshot(const std::vector<std::string>& fields = {}) const;
+  /// Force maps of snapshots are means from now on.
+  void begin_force_maps();
   /// All ranks.
   Hash128 state_hash() const;
   /// Throws std::logic_error unless the scene keeps the ledger (Output::energy). All ranks.
@@ -151,6 +153,10 @@ class Simulation {
   /// One row of a probe, with its column names; the observers call it when it is due. All ranks.
   std::vector<std::string> probe_columns(std::size_t probe) const;
   std::vector<double> probe_row(std::size_t probe);
+  /// Of a probe of kind fields: the means over its samples since begin_fields(). Each rank has consecutive values. All ranks.
+  FieldImage fields(std::size_t probe) const;
+  /// Its next samples make a new mean.
+  void begin_fields(std::size_t probe);
 
  private:
   struct Parts;

@@ -170,12 +170,14 @@ void check_probe_kind(const Scene& scene, const Probe& probe, const std::string&
   if (has_bins && (probe.axis < 0 || probe.axis > 2))
     found.error(key + ".axis", "is {}; expected x, y or z (0, 1 or 2)", probe.axis);
   const bool has_region = probe.kind == Kind::region || probe.kind == Kind::profile ||
-                          probe.kind == Kind::gas_profile || probe.kind == Kind::mixing;
+                          probe.kind == Kind::gas_profile || probe.kind == Kind::mixing || probe.kind == Kind::fields;
   if (probe.kind == Kind::mixing) check_mixing(scene, probe, key, found);
   if (has_region && found.box(key + ".region", probe.region) && is_usable(scene.domain) &&
       !meets(probe.region, scene.domain.box()))
     found.error(key + ".region", "reaches from {} m, nowhere inside the domain, {} m", text(probe.region),
                 text(scene.domain.box()));
+  if (probe.by_material && probe.kind != Kind::region && probe.kind != Kind::profile && probe.kind != Kind::fields)
+    found.error(key + ".by_material", "is true; it goes with kind \"region\", \"profile\" and \"fields\"");
   if (probe.kind == Kind::energy && !scene.output.energy)
     found.error(key + ".kind", "\"energy\" needs the ledger: set output.energy = true");
 }
@@ -232,6 +234,40 @@ void check_gas_probe(const Scene& scene, const Probe& probe, const std::string& 
     found.not_negative(key + ".from", probe.from, "s");
 }
 
+/// Coarse-grained fields.
+void check_fields(const Scene& scene, const Probe& probe, const std::string& key, Findings& found) {
+  constexpr int most_width = 8;
+  constexpr std::int64_t most_cells = std::int64_t{1} << 30;
+  double n_cells = 1.0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::string name = fmt::format("{}.cells[{}]", key, axis);
+    if (probe.cells[axis] < 1) {
+      if (probe.cells == std::array<int, 3>{})
+        found.error(key + ".cells", "missing: kind = \"fields\" needs the numbers of cells along x, y and z");
+      else
+        found.error(name, "is {}; expected 1 or more", probe.cells[axis]);
+      return;
+    }
+    n_cells *= probe.cells[axis];
+  }
+  if (n_cells > static_cast<double>(most_cells))
+    found.error(key + ".cells", "are {} in all; expected at most {}", n_cells, most_cells);
+  if (scene.domain.dimensions == 2 && probe.cells[2] != 1)
+    found.error(key + ".cells[2]", "is {}; expected 1 in two dimensions", probe.cells[2]);
+  if (probe.width < 1 || probe.width > most_width)
+    found.error(key + ".width", "is {}; expected 1 to {} [cells]", probe.width, most_width);
+  if (probe.margin && (*probe.margin < 0 || *probe.margin > 2 * most_width))
+    found.error(key + ".margin", "is {}; expected 0 to {} [cells]", *probe.margin, 2 * most_width);
+  found.not_negative(key + ".from", probe.from, "s");
+  if (probe.name == "snapshots")
+    found.error(key + ".name", "\"snapshots\" is the series of the grains themselves; choose another name");
+  if (!(probe.average >= 0.0))
+    found.error(key + ".average", "is {}; expected 0 or more [s]", probe.average);
+  else if (probe.average > 0.0 && probe.average < probe.interval)
+    found.error(key + ".average", "is {}, shorter than interval = {} [s]; expected a multiple of it, or 0",
+                probe.average, probe.interval);
+}
+
 }  // namespace
 
 void check_plane(const PlaneShape& plane, const std::string& key, const Domain& domain, Findings& found) {
@@ -259,6 +295,8 @@ void check_walls(const Scene& scene, Findings& found) {
     std::visit([&](const auto& shape) { check_shape(shape, key, scene.domain, found); }, wall.shape);
     if (wall.symmetry && !std::holds_alternative<PlaneShape>(wall.shape))
       found.error(key + ".symmetry", "is true; only a plane can be a symmetry plane");
+    if (wall.has_force_map && !std::holds_alternative<MeshShape>(wall.shape))
+      found.error(key + ".force_map", "is true; only the triangles of a mesh can be told apart");
     check_motions(scene, wall, key, found);
     const bool has_from = found.finite(key + ".from", wall.from, "s");
     if (std::isnan(wall.until) || (has_from && wall.until <= wall.from))
@@ -276,6 +314,7 @@ void check_probes(const Scene& scene, Findings& found) {
     found.positive(key + ".interval", probes[i].interval, "s");
     check_probe_kind(scene, probes[i], key, found);
     check_gas_probe(scene, probes[i], key, found);
+    if (probes[i].kind == Probe::Kind::fields) check_fields(scene, probes[i], key, found);
   }
 }
 

@@ -11,7 +11,7 @@ int Scene::material_index(const std::string& name) const {
 const char* name_of(Probe::Kind kind) {
   constexpr std::array names = {"energy",      "wall_force", "wall_pressure", "region",        "mass",
                                 "profile",     "contacts",   "pressure",      "pressure_drop", "bed_height",
-                                "gas_profile", "gas_mean",   "mixing"};
+                                "gas_profile", "gas_mean",   "mixing",        "fields"};
   return names[static_cast<std::size_t>(kind)];
 }
 

@@ -250,6 +250,7 @@ struct WallDefinition {
   double from = 0.0;        // [s] the wall exists from this time ...
   double until = infinity;  // [s] ... until this time
   std::vector<WallMotion> motion = {};
+  bool has_force_map = false;  // meshes: the mean force on each triangle goes with the snapshots
   bool has_servo() const {
     for (const WallMotion& m : motion)
       if (m.kind == WallMotion::Kind::servo) return true;
@@ -351,6 +352,7 @@ struct Probe {
     gas_profile,    // averages over time since `from` in the layers of cells of `region` along `axis`
     gas_mean,       // averages over time since `from` in every cell, kept with snapshots and checkpoints
     mixing,  // how well grains of `material` are mixed with the others in cells of `region`, `bins` along its longest side
+    fields,  // coarse-grained fields on a grid over `region`, averaged over time, in files of their own
   };
   Kind kind = Kind::energy;
   std::string name;
@@ -364,6 +366,12 @@ struct Probe {
   double share = 0.95;                           // [-]
   double from = 0.0;                             // [s]
   std::string material = {};
+  bool by_material = false;        // region, profile, fields: of each material besides
+  std::array<int, 3> cells = {};   // fields: of the region
+  int width = 1;                   // [cells] fields: a grain is spread over as many as two of these to each side
+  std::optional<int> margin = {};  // [cells] fields: beyond the region; none: as far as the weight reaches
+  double average = 0.0;            // [s] fields: whose samples are averaged into one file; 0: each is a file of its own
+  bool has_table = false;          // fields: files as CSV besides
 };
 /// As a scene file has it: "wall_force".
 const char* name_of(Probe::Kind kind);

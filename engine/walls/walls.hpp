@@ -38,6 +38,7 @@ class Walls {
   /// Analytic surfaces are where they are now; a mesh stays at home, and grains are seen from there (pose()).
   std::span<const Surface> surfaces() const { return surfaces_; }
   MeshView mesh(std::int32_t index) const;
+  std::int32_t n_triangles(std::int32_t mesh) const { return meshes_[static_cast<std::size_t>(mesh)].n_triangles(); }
   /// What was found in the mesh of each mesh wall, in order of the walls; open edges (a hopper's two rims) are no error.
   const std::vector<MeshReport>& reports() const { return reports_; }
   /// True where the wall of the surface exists at that time [s].

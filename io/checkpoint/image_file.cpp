@@ -175,11 +175,41 @@ Table table_of_further(const Image& image) {
 }
 
 /// One of its own for each quantity: they may have different numbers of values.
-Table table_of_grid(const GridArray& array) {
-  const ColumnForm form{gas_dataset(array), FieldType::real, 1, array.unit, array.n};
+Table table_of_grid(const GridArray& array, const std::string& dataset) {
+  const ColumnForm form{dataset, FieldType::real, 1, array.unit, array.n};
   return {array.values.size(), {{form, [&array](std::size_t first, std::size_t, std::byte*) {
                                    return static_cast<const void*>(array.values.data() + first);
                                  }}}};
+}
+
+/// A column of values that lie one row after the other; `values` must outlive it.
+Column plain_column(const ColumnForm& form, const void* values) {
+  return {form, [values, bytes = form.row_bytes()](std::size_t first, std::size_t, std::byte*) {
+            return static_cast<const void*>(static_cast<const std::byte*>(values) + first * bytes);
+          }};
+}
+
+ColumnForm map_form(const WallMap& map, const char* what, FieldType type, int components, const char* unit) {
+  return {map_dataset(map, what), type, components, unit};
+}
+
+/// The triangles of a force map, which all ranks have, in the root's hands: their corners, as points, and what belongs to each triangle.
+std::vector<Table> tables_of_map(const WallMap& map, const World& world) {
+  const std::size_t n = world.is_root() ? map.n_triangles() : 0;
+  const Column points = plain_column(map_form(map, "points", FieldType::real, 3, "m"), map.corners.data());
+  const ColumnForm numbers = map_form(map, "triangles", FieldType::gid, 3, "");
+  const Column triangles{numbers, [](std::size_t first, std::size_t rows, std::byte* buffer) {
+                           for (std::size_t k = 0; k < 3 * rows; ++k) {
+                             const std::uint64_t number = 3 * first + k;
+                             std::memcpy(buffer + k * sizeof number, &number, sizeof number);
+                           }
+                           return static_cast<const void*>(buffer);
+                         }};
+  return {{3 * n, {points}},
+          {n,
+           {triangles, plain_column(map_form(map, "force", FieldType::real, 3, "N"), map.force.data()),
+            plain_column(map_form(map, "pressure", FieldType::real, 1, "Pa"), map.pressure.data()),
+            plain_column(map_form(map, "shear", FieldType::real, 1, "Pa"), map.shear.data())}}};
 }
 
 /// Everything that is written, and how it is shared between the ranks.
@@ -190,6 +220,20 @@ struct Content {
   std::vector<Spread> spread;
 };
 
+void add_grids(const std::vector<GridArray>& grids, std::string (*dataset)(const GridArray&), Content& content) {
+  for (const GridArray& array : grids) content.tables.push_back(table_of_grid(array, dataset(array)));
+}
+
+void check_grids(const Content& content) {
+  for (std::size_t t = 0; t < content.tables.size(); ++t) {
+    if (content.tables[t].columns.empty() || !content.tables[t].columns[0].form.is_grid()) continue;
+    const ColumnForm& form = content.tables[t].columns[0].form;
+    if (content.spread[t].total() !=
+        static_cast<std::uint64_t>(std::int64_t{form.grid[0]} * form.grid[1] * form.grid[2]))
+      throw std::logic_error(form.name + " of an image has another number of values than its grid");
+  }
+}
+
 Content content_of(const Image& image, const RunRecord* record, const World& world) {
   Content content{&image, record, {table_of_grains(image)}, {}};
   if (record != nullptr) {
@@ -198,14 +242,13 @@ Content content_of(const Image& image, const RunRecord* record, const World& wor
     if (is_any(image.further, world, [](const FurtherHistory&) { return true; }))
       content.tables.push_back(table_of_further(image));
   }
-  const std::size_t first_grid = content.tables.size();
-  for (const GridArray& array : image.grids) content.tables.push_back(table_of_grid(array));
+  if (record == nullptr)
+    for (const WallMap& map : image.maps)
+      for (Table& table : tables_of_map(map, world)) content.tables.push_back(std::move(table));
+  add_grids(image.grids, gas_dataset, content);
+  if (record != nullptr) add_grids(image.sums, field_dataset, content);
   content.spread = spread_of(content.tables, world);
-  for (std::size_t i = 0; i < image.grids.size(); ++i) {
-    const std::array<int, 3>& n = image.grids[i].n;
-    if (content.spread[first_grid + i].total() != static_cast<std::uint64_t>(std::int64_t{n[0]} * n[1] * n[2]))
-      throw std::logic_error(image.grids[i].name + " of an image has another number of values than its grid");
-  }
+  check_grids(content);
   if (!image.fields.empty() && content.spread[0].total() != image.n_grains)
     throw std::logic_error("the fields of an image have other lengths than its grains");
   return content;
@@ -250,6 +293,14 @@ std::uint64_t mapping_room(const Content& content, std::size_t n_files, std::siz
   return bytes;
 }
 
+/// Cells of a grid, as attributes of its group.
+void write_grid(Hdf5Writer& file, const char* group, const std::array<int, 3>& cells, const Box& box) {
+  const Vec3 size = box.size();
+  file.attribute_of(group, "cells", {double(cells[0]), double(cells[1]), double(cells[2])});
+  file.attribute_of(group, "low", as_array(box.low));
+  file.attribute_of(group, "spacing", {size.x / cells[0], size.y / cells[1], size.z / cells[2]});
+}
+
 void write_frame(Hdf5Writer& file, const Image& image, const std::string& kind, int format) {
   file.attribute("kind", kind);
   file.attribute("format", static_cast<std::uint64_t>(format));
@@ -262,12 +313,7 @@ void write_frame(Hdf5Writer& file, const Image& image, const std::string& kind, 
                                                    double(image.periodic[2])});
   file.attribute("grains", image.n_grains);
   file.attribute("state_hash", image.hash.text());
-  if (image.grids.empty()) return;
-  const std::array<int, 3> cells = gas_cells(image);
-  const Vec3 size = image.domain.size();
-  file.attribute_of("gas", "cells", {double(cells[0]), double(cells[1]), double(cells[2])});
-  file.attribute_of("gas", "low", as_array(image.domain.low));
-  file.attribute_of("gas", "spacing", {size.x / cells[0], size.y / cells[1], size.z / cells[2]});
+  if (!image.grids.empty()) write_grid(file, "gas", gas_cells(image), image.domain);
 }
 
 /// A checkpoint keeps all that accumulates; a snapshot only shows where the walls are.
@@ -331,15 +377,15 @@ void add_slices(std::vector<WrittenPart>& parts, const Content& content,
     }
 }
 
-/// Writes and seals a file that holds the rows of all ranks. Returns its seal at the root. All ranks call it.
+/// Writes and seals a file that holds the rows of all ranks; `write_start`: attributes and what is small. Returns its seal at the root. All
+/// ranks call it.
 Hash128 write_sealed(const fs::path& written, const fs::path& path, const std::string& kind, const Content& content,
-                     const std::function<void(Hdf5Writer&)>& write_more, const World& world) {
+                     const std::function<void(Hdf5Writer&)>& write_start, const World& world) {
   const std::uint64_t header_bytes = header_size(content, 0, 0);
   std::vector<WrittenPart> parts;
   agree_on_root(world, path, [&] {
     Hdf5Writer file(written, path, header_bytes, common_room(content, header_bytes) + column_room(content));
-    write_frame(file, *content.image, kind, whole_file_format);
-    write_more(file);
+    write_start(file);
     for (std::size_t t = 0; t < content.tables.size(); ++t)
       for (const Column& column : content.tables[t].columns) file.column(column.form, content.spread[t].total());
     parts = file.close();
@@ -356,7 +402,11 @@ Hash128 write_sealed(const fs::path& written, const fs::path& path, const std::s
 void write_shared(const fs::path& path, const Content& content, const World& world) {
   Removed left_over(world.is_root() ? temporary_name(path) : fs::path());
   write_sealed(
-      temporary_name(path), path, kind_of(content), content, [&](Hdf5Writer& file) { write_common(file, content); },
+      temporary_name(path), path, kind_of(content), content,
+      [&](Hdf5Writer& file) {
+        write_frame(file, *content.image, kind_of(content), whole_file_format);
+        write_common(file, content);
+      },
       world);
   agree_on_root(world, path, [&] { take_place(path); });
   left_over.keep();
@@ -374,7 +424,8 @@ RankFile write_rank_file(const fs::path& path, const Content& content, const Wor
     for (Table& table : own.tables)  // a part of a grid is a list
       for (Column& column : table.columns) column.form.grid = {};
     seal = write_sealed(
-        temporary_name(draft), draft, rank_file_kind, own, [](Hdf5Writer&) {}, World());
+        temporary_name(draft), draft, rank_file_kind, own,
+        [&](Hdf5Writer& file) { write_frame(file, *own.image, rank_file_kind, whole_file_format); }, World());
   });
   agree(world, path, [&] {
     place = rank_file_name(path, world.rank(), seal);
@@ -449,12 +500,13 @@ void read_entries(const Hdf5Reader& file, const ColumnForm& form, RowRange range
   });
 }
 
-/// Quantities of the gas, this rank's equal share of the values of each.
-std::vector<GridArray> read_grids(const Hdf5Reader& file, const World& world) {
+/// Quantities on a grid, this rank's equal share of the values of each.
+std::vector<GridArray> read_grids(const Hdf5Reader& file, const std::string& group, const World& world) {
   std::vector<GridArray> grids;
-  for (const std::string& name : file.children("gas")) {
-    GridArray array{decoded(name), file.unit_of("gas/" + name), file.grid_of("gas/" + name), {}};
-    const ColumnForm form{"gas/" + name, FieldType::real, 1, array.unit, array.n};
+  for (const std::string& name : file.children(group)) {
+    const std::string dataset = group + "/" + name;
+    GridArray array{decoded(name), file.unit_of(dataset), file.grid_of(dataset), {}};
+    const ColumnForm form{dataset, FieldType::real, 1, array.unit, array.n};
     const RowRange range = share_of(file.n_rows(form), world);
     array.values.resize(range.n);
     file.read(form, range, array.values.data());
@@ -463,9 +515,74 @@ std::vector<GridArray> read_grids(const Hdf5Reader& file, const World& world) {
   return grids;
 }
 
+/// Force maps, whole on each rank.
+std::vector<WallMap> read_maps(const Hdf5Reader& file) {
+  std::vector<WallMap> maps;
+  for (const std::string& name : file.children("walls")) {
+    WallMap map;
+    map.name = decoded(name);
+    const auto read = [&](const char* what, int components, std::vector<double>& values) {
+      const ColumnForm form = map_form(map, what, FieldType::real, components, "");
+      const std::uint64_t n = file.n_rows(form);
+      values.resize(n * static_cast<std::size_t>(components));
+      file.read(form, {0, n}, values.data());
+    };
+    read("points", 3, map.corners);
+    read("force", 3, map.force);
+    read("pressure", 1, map.pressure);
+    read("shear", 1, map.shear);
+    maps.push_back(std::move(map));
+  }
+  return maps;
+}
+
 }  // namespace
 
 std::string gas_dataset(const GridArray& array) { return "gas/" + encoded(array.name); }
+std::string field_dataset(const GridArray& array) { return "fields/" + encoded(array.name); }
+std::string map_dataset(const WallMap& map, const char* what) { return "walls/" + encoded(map.name) + "/" + what; }
+
+void write_field_image(const fs::path& path, const FieldImage& fields, const World& world) {
+  const Image none;  // of grains
+  Content content{&none, nullptr, {}, {}};
+  add_grids(fields.arrays, field_dataset, content);
+  content.spread = spread_of(content.tables, world);
+  check_grids(content);
+  Removed left_over(world.is_root() ? temporary_name(path) : fs::path());
+  write_sealed(
+      temporary_name(path), path, field_file_kind, content,
+      [&](Hdf5Writer& file) {
+        file.attribute("kind", field_file_kind);
+        file.attribute("format", static_cast<std::uint64_t>(whole_file_format));
+        file.attribute("name", fields.name);
+        file.attribute("step", fields.step);
+        file.attribute("time", fields.time);
+        file.attribute("time_step", fields.time_step);
+        file.attribute("from", fields.from);
+        file.attribute("samples", fields.n_samples);
+        file.attribute("domain_low", as_array(fields.box.low));
+        file.attribute("domain_high", as_array(fields.box.high));
+        write_grid(file, "fields", fields.n, fields.box);
+      },
+      world);
+  agree_on_root(world, path, [&] { take_place(path); });
+  left_over.keep();
+}
+
+FieldImage read_field_image(const fs::path& path) {
+  const Hdf5Reader file(path, {field_file_kind}, false);
+  FieldImage fields;
+  fields.name = file.text_attribute("name");
+  fields.step = file.integer_attribute("step");
+  fields.time = file.real_attribute("time");
+  fields.time_step = file.real_attribute("time_step");
+  fields.from = file.real_attribute("from");
+  fields.n_samples = file.integer_attribute("samples");
+  fields.box = {as_vector(file.vector_attribute("domain_low")), as_vector(file.vector_attribute("domain_high"))};
+  fields.arrays = read_grids(file, "fields", World());
+  if (!fields.arrays.empty()) fields.n = fields.arrays[0].n;
+  return fields;
+}
 
 std::array<int, 3> gas_cells(const Image& image) {
   if (image.grids.empty()) return {};
@@ -517,7 +634,9 @@ Image read_grains(const Hdf5Reader& file, const World& world, std::vector<std::s
   const RowRange range = share_of(image.n_grains, world);
   for (const FieldInfo& row : field_table)
     if (file.exists(form_of(row).name)) image.fields.push_back(read_field(file, row, image.n_grains, range));
-  image.grids = read_grids(file, world);
+  image.grids = read_grids(file, "gas", world);
+  image.sums = read_grids(file, "fields", world);
+  image.maps = read_maps(file);
   for (const std::string& name : file.children("accumulators"))
     image.accumulators[decoded(name)] = file.reals("accumulators/" + name);
   return image;

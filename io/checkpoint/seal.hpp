@@ -73,6 +73,8 @@ inline constexpr int whole_file_format = 1;
 
 /// The kind of a file that holds the rows of one rank.
 inline constexpr const char* rank_file_kind = "part";
+/// Of coarse-grained fields.
+inline constexpr const char* field_file_kind = "fields";
 
 /// XXH3, 128 bits (Collet 2020).
 Hash128 hash_bytes(const void* bytes, std::size_t n);

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "engine/particles/fill.hpp"
+#include "engine/run/coarse_fields.hpp"
 #include "engine/run/one_contact.hpp"
 #include "engine/run/simulation.hpp"
 #include "engine/walls/walls.hpp"
@@ -158,6 +159,15 @@ std::string balance_text(Balance balance, const Layout& layout) {
   return "off; ranks have equal boxes";
 }
 
+/// What a probe of fields writes, on which grid.
+std::string field_text(const Scene& scene, const Probe& probe) {
+  const WeightGrid grid = field_grid(scene, probe);
+  const std::string files = std::isinf(probe.average) ? "one file at the end"
+                            : probe.average > 0.0     ? fmt::format("files of {:.6g} s", probe.average)
+                                                      : "a file each";
+  return fmt::format(", fields on {} x {} x {} cells, {}", grid[0].n, grid[1].n, grid[2].n, files);
+}
+
 std::vector<std::string> output_lines(const Scene& scene, double time_step) {
   const Output& output = scene.output;
   std::vector<std::string> lines;
@@ -166,9 +176,13 @@ std::vector<std::string> output_lines(const Scene& scene, double time_step) {
   lines.push_back(output.checkpoint_interval > 0.0
                       ? fmt::format("a checkpoint every {:.6g} s", output.checkpoint_interval)
                       : "a checkpoint at the end");
-  for (const Probe& probe : output.probes)
+  for (const Probe& probe : output.probes) {
     lines.push_back(
         fmt::format("{}.csv every {:.6g} s", probe.name, probe.interval > 0.0 ? probe.interval : time_step));
+    if (probe.kind == Probe::Kind::fields) lines.back() += field_text(scene, probe);
+  }
+  for (const WallDefinition& wall : scene.walls)
+    if (wall.has_force_map) lines.push_back("a map of the forces on " + wall.name + " with each snapshot");
   return lines;
 }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <span>
 
+#include "io/checkpoint/agreement.hpp"
 #include "io/checkpoint/subdirectory.hpp"
 #include "io/cli/progress.hpp"
 #include "io/cli/text.hpp"
@@ -88,6 +89,7 @@ Outputs::Outputs(const fs::path& directory, const Simulation& simulation, RunRec
   world_.wait_for_all();  // nobody looks at files that are being removed
   if (!world_.is_root()) series_.emplace(directory_);
   open_tables(simulation, restart);
+  open_fields(simulation, restart);
 }
 
 void Outputs::open_series(std::optional<std::uint64_t> restart) {
@@ -146,6 +148,42 @@ void Outputs::open_tables(const Simulation& simulation, std::optional<std::uint6
   balance_.emplace(free_name("balance", "balance_of_ranks"), balance_columns, probe_rows);
 }
 
+/// Files later than the restart go; one at the restart itself stays if an unbroken run would have written it too.
+void Outputs::open_fields(const Simulation& simulation, std::optional<std::uint64_t> restart) {
+  const std::vector<Probe>& probes = simulation.scene().output.probes;
+  for (std::size_t k = 0; k < probes.size(); ++k) {
+    const Probe& probe = probes[k];
+    if (probe.kind != Probe::Kind::fields) continue;
+    std::optional<Schedule> averages;
+    if (probe.average > 0.0)
+      averages.emplace(std::isfinite(probe.average) ? probe.average : 0.0, simulation.time_step());
+    const Schedule& due = averages ? *averages : probes_[k].schedule;
+    const std::uint64_t first_open = !restart ? 0 : due.is_due(*restart) ? *restart + 1 : *restart;
+    agree_on_root(world_, directory_, [&] { FieldSeries(directory_, probe.name).drop_from(first_open); });
+    fields_of_probes_.push_back({k, averages, probe.has_table, FieldSeries(directory_, probe.name)});
+  }
+}
+
+/// Those whose average is over now; there may have been no sample yet.
+void Outputs::write_fields(Simulation& simulation) {
+  const std::uint64_t step = simulation.step_number();
+  for (FieldOutput& output : fields_of_probes_) {
+    const bool is_over =
+        output.averages ? step > 0 && output.averages->is_due(step) : probes_[output.probe].schedule.is_due(step);
+    if (!is_over) continue;
+    const FieldImage fields = simulation.fields(output.probe);
+    if (fields.n_samples == 0) continue;
+    output.series.add(fields, world_, output.has_table);
+    simulation.begin_fields(output.probe);
+  }
+}
+
+void Outputs::write_open_fields(const Simulation& simulation) {
+  for (FieldOutput& output : fields_of_probes_)
+    if (const FieldImage fields = simulation.fields(output.probe); fields.n_samples > 0)
+      output.series.add(fields, world_, output.has_table);
+}
+
 void Outputs::add_balance(const std::vector<BalanceRow>& rows) {
   if (!balance_) return;
   for (const BalanceRow& row : rows) balance_->add(row.step, balance_values(row));
@@ -154,7 +192,9 @@ void Outputs::add_balance(const std::vector<BalanceRow>& rows) {
 bool Outputs::is_due(std::uint64_t step) const {
   return snapshots_.is_due(step) || checkpoints_.is_due(step) ||
          std::any_of(probes_.begin(), probes_.end(),
-                     [&](const ProbeTable& probe) { return probe.schedule.is_due(step); });
+                     [&](const ProbeTable& probe) { return probe.schedule.is_due(step); }) ||
+         std::any_of(fields_of_probes_.begin(), fields_of_probes_.end(),
+                     [&](const FieldOutput& output) { return output.averages && output.averages->is_due(step); });
 }
 
 void Outputs::write_due(Simulation& simulation) {
@@ -163,9 +203,13 @@ void Outputs::write_due(Simulation& simulation) {
   {
     const WallClock clock;
     write_probes(simulation);
+    write_fields(simulation);
     seconds_ += clock.seconds();
   }
-  if (snapshots_.is_due(step)) write_snapshot_now(simulation);
+  if (snapshots_.is_due(step)) {
+    write_snapshot_now(simulation);
+    simulation.begin_force_maps();
+  }
   if (checkpoints_.is_due(step) && step > 0) write_checkpoint_now(simulation);
 }
 

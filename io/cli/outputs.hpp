@@ -13,6 +13,7 @@
 #include "io/cli/schedule.hpp"
 #include "io/cli/table_file.hpp"
 #include "io/cli/watch.hpp"
+#include "io/snapshot/field_series.hpp"
 #include "io/snapshot/series.hpp"
 
 namespace moraine {
@@ -41,6 +42,8 @@ class Outputs {
 
   /// Makes sure that the present step has a snapshot. Throws StorageError.
   void write_snapshot_now(const Simulation& simulation);
+  /// At the end of a run: averages of fields that are not over are written as they are, and go on where the run does. Throws StorageError.
+  void write_open_fields(const Simulation& simulation);
   /// Makes sure that the present step has a checkpoint, and removes old ones. Throws StorageError.
   void write_checkpoint_now(const Simulation& simulation);
 
@@ -58,6 +61,16 @@ class Outputs {
     std::optional<TableFile> table;  // of the root
   };
 
+  /// Files of a probe of kind fields.
+  struct FieldOutput {
+    std::size_t probe;
+    std::optional<Schedule> averages;  // when one is over; nothing: with each sample
+    bool has_table;
+    FieldSeries series;
+  };
+
+  void open_fields(const Simulation& simulation, std::optional<std::uint64_t> restart);
+  void write_fields(Simulation& simulation);
   void open_series(std::optional<std::uint64_t> restart);
   void drop_later_outputs(std::uint64_t restart);
   std::uint64_t first_open_snapshot(std::uint64_t restart) const;
@@ -79,6 +92,7 @@ class Outputs {
   Schedule snapshots_, checkpoints_;
   std::optional<SnapshotSeries> series_;  // of the root, and of the others once it has dropped what is old
   std::vector<ProbeTable> probes_;
+  std::vector<FieldOutput> fields_of_probes_;
   std::optional<TableFile> energy_;   // of the root
   std::optional<TableFile> hashes_;   // of the root
   std::optional<TableFile> balance_;  // of the root

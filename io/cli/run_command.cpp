@@ -279,7 +279,10 @@ class RunLoop {
     times_.cpus = cpus_of_threads(layout_.threads);
     const bool is_interrupted = simulation_.step_number() < last_step_;
     // The last state is worth a look; an interrupted run will come by the snapshots that it owes.
-    if (outputs_ && !is_interrupted) outputs_->write_snapshot_now(simulation_);
+    if (outputs_ && !is_interrupted) {
+      outputs_->write_snapshot_now(simulation_);
+      outputs_->write_open_fields(simulation_);
+    }
     if (outputs_) outputs_->write_checkpoint_now(simulation_);
     return is_interrupted ? end_interrupted() : end_well();
   }

@@ -2,11 +2,16 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <map>
+
 #include "io/checkpoint/durable_file.hpp"
+#include "io/checkpoint/image_file.hpp"
 #include "io/export/csv.hpp"
 #include "io/export/povray.hpp"
 #include "io/export/tecplot.hpp"
 #include "io/export/vtk.hpp"
+#include "io/snapshot/field_series.hpp"
 #include "io/snapshot/snapshot.hpp"
 
 namespace moraine {
@@ -49,6 +54,43 @@ FrameText text_of(const Image& image, ExportKind kind, const Scene* scene, const
   return {};
 }
 
+using FramesInTime = std::vector<std::pair<double, std::string>>;
+
+/// A name as a part of the name of a file.
+std::string in_file_name(std::string name) {
+  std::replace_if(
+      name.begin(), name.end(), [](char c) { return c == '/' || c == '\\' || c == '\n'; }, '_');
+  return name;
+}
+
+/// Files of one kind of things, and the .pvd that strings them together.
+class VtkSeries {
+ public:
+  explicit VtkSeries(fs::path out) : out_(std::move(out)) {}
+  void add(const std::string& name, const std::string& label, const char* ending, double time,
+           const std::string& text) {
+    FramesInTime& frames = all_[name];
+    frames.emplace_back(time, name + "_" + label + ending);
+    write_file(out_ / frames.back().second, text);
+    ++n_files_;
+  }
+  /// Returns what there is to open besides the grains.
+  std::string finish() const {
+    std::string text;
+    for (const auto& [name, frames] : all_) {
+      write_file(out_ / (name + ".pvd"), pvd_text(frames));
+      text += fmt::format(" and {}", (out_ / (name + ".pvd")).string());
+    }
+    return text;
+  }
+  std::size_t n_files() const { return n_files_; }
+
+ private:
+  fs::path out_;
+  std::map<std::string, FramesInTime> all_;
+  std::size_t n_files_ = 0;
+};
+
 }  // namespace
 
 std::string export_run(const ExportRequest& request) {
@@ -61,18 +103,27 @@ std::string export_run(const ExportRequest& request) {
   style.field = request.field;
   make_directory(out);
 
-  std::vector<std::pair<double, std::string>> written, gas;
+  FramesInTime written, gas;
+  VtkSeries more(out);
   for (const fs::path& file : frames.files) {
     const Image image = read_image_file(file).image;
     const FrameText text = text_of(image, request.kind, scene ? &*scene : nullptr, style);
     written.emplace_back(image.time, "grains_" + frame_label(file) + words_of(request.kind).ending);
     write_file(out / written.back().second, text.grains);
+    if (request.kind == ExportKind::vtk)
+      for (const WallMap& map : image.maps)
+        more.add("wall_" + in_file_name(map.name), frame_label(file), ".vtp", image.time, vtp_text(map, image.time));
     if (text.gas.empty()) continue;
     gas.emplace_back(image.time, "gas_" + frame_label(file) + text.gas_ending);
     write_file(out / gas.back().second, text.gas);
   }
-  std::string text = fmt::format("{} {} in {}", written.size() + gas.size(),
-                                 written.size() + gas.size() == 1 ? "file" : "files", out.string());
+  if (request.kind == ExportKind::vtk && frames.is_run && !request.frame)
+    for (const fs::path& file : list_field_files(frames.directory)) {
+      const FieldImage fields = read_field_image(file);
+      more.add("fields_" + in_file_name(fields.name), frame_label(file), ".vti", fields.time, vti_text(fields));
+    }
+  const std::size_t n_files = written.size() + gas.size() + more.n_files();
+  std::string text = fmt::format("{} {} in {}", n_files, n_files == 1 ? "file" : "files", out.string());
   if (request.kind == ExportKind::vtk) {
     write_file(out / "grains.pvd", pvd_text(written));
     text += fmt::format("; ParaView opens {}", (out / "grains.pvd").string());
@@ -80,6 +131,7 @@ std::string export_run(const ExportRequest& request) {
       write_file(out / "gas.pvd", pvd_text(gas));
       text += fmt::format(" and {}", (out / "gas.pvd").string());
     }
+    text += more.finish();
   }
   if (request.kind == ExportKind::csv) write_file(out / "times.csv", times_table(written));
   if (request.kind == ExportKind::povray) {

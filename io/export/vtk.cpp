@@ -51,11 +51,11 @@ std::string field_array(const FieldArray& array, Appended& data) {
   }
 }
 
-std::string time_value(const Image& image) {
+std::string time_value(double time) {
   return fmt::format(
       "<FieldData>\n<DataArray type=\"Float64\" Name=\"TimeValue\" NumberOfTuples=\"1\" "
       "format=\"ascii\">{}</DataArray>\n</FieldData>\n",
-      image.time);
+      time);
 }
 
 std::string escaped(const std::string& text) {
@@ -86,16 +86,13 @@ std::string cell_arrays(const std::vector<const GridArray*>& arrays, Appended& d
   return text;
 }
 
-}  // namespace
-
-std::string vti_text(const Image& image) {
-  if (image.grids.empty()) return {};
-  const std::array<int, 3> n = gas_cells(image);
+/// Those of the quantities that are on the cells.
+std::string cells_text(const std::array<int, 3>& n, const Box& box, double time, const std::vector<GridArray>& grids) {
   std::vector<const GridArray*> arrays;
-  for (const GridArray& array : image.grids)
+  for (const GridArray& array : grids)
     if (array.n == n) arrays.push_back(&array);
   std::sort(arrays.begin(), arrays.end(), [](const GridArray* a, const GridArray* b) { return a->name < b->name; });
-  const Vec3 low = image.domain.low, size = image.domain.size();
+  const Vec3 low = box.low, size = box.size();
   const std::string extent = fmt::format("0 {} 0 {} 0 {}", n[0], n[1], n[2]);
   Appended data;
   std::string text =
@@ -103,8 +100,39 @@ std::string vti_text(const Image& image) {
       "header_type=\"UInt64\">\n";
   text += fmt::format("<ImageData WholeExtent=\"{}\" Origin=\"{} {} {}\" Spacing=\"{} {} {}\">\n", extent, low.x, low.y,
                       low.z, size.x / n[0], size.y / n[1], size.z / n[2]);
-  text += time_value(image) + fmt::format("<Piece Extent=\"{}\">\n<CellData>\n", extent) + cell_arrays(arrays, data);
+  text += time_value(time) + fmt::format("<Piece Extent=\"{}\">\n<CellData>\n", extent) + cell_arrays(arrays, data);
   return text + "</CellData>\n</Piece>\n</ImageData>\n<AppendedData encoding=\"raw\">\n_" + data.bytes() +
+         "\n</AppendedData>\n</VTKFile>\n";
+}
+
+}  // namespace
+
+std::string vti_text(const Image& image) {
+  return image.grids.empty() ? std::string() : cells_text(gas_cells(image), image.domain, image.time, image.grids);
+}
+
+std::string vti_text(const FieldImage& fields) { return cells_text(fields.n, fields.box, fields.time, fields.arrays); }
+
+std::string vtp_text(const WallMap& map, double time) {
+  Appended data;
+  std::string text =
+      "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" "
+      "header_type=\"UInt64\">\n<PolyData>\n";
+  text += time_value(time);
+  text += fmt::format(
+      "<Piece NumberOfPoints=\"{}\" NumberOfVerts=\"0\" NumberOfLines=\"0\" NumberOfStrips=\"0\" "
+      "NumberOfPolys=\"{}\">\n<CellData>\n",
+      3 * map.n_triangles(), map.n_triangles());
+  text += data_array("Float64", "force", 3, data.add(map.force)) +
+          data_array("Float64", "pressure", 1, data.add(map.pressure)) +
+          data_array("Float64", "shear", 1, data.add(map.shear));
+  text +=
+      "</CellData>\n<Points>\n" + data_array("Float64", "points", 3, data.add(map.corners)) + "</Points>\n<Polys>\n";
+  std::vector<std::int64_t> corners(3 * map.n_triangles()), ends;
+  std::iota(corners.begin(), corners.end(), 0);
+  for (std::size_t t = 1; t <= map.n_triangles(); ++t) ends.push_back(static_cast<std::int64_t>(3 * t));
+  text += data_array("Int64", "connectivity", 1, data.add(corners)) + data_array("Int64", "offsets", 1, data.add(ends));
+  return text + "</Polys>\n</Piece>\n</PolyData>\n<AppendedData encoding=\"raw\">\n_" + data.bytes() +
          "\n</AppendedData>\n</VTKFile>\n";
 }
 
@@ -115,7 +143,7 @@ std::string vtp_text(const Image& image) {
   std::string text =
       "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" "
       "header_type=\"UInt64\">\n<PolyData>\n";
-  text += time_value(image);
+  text += time_value(image.time);
   text += fmt::format(
       "<Piece NumberOfPoints=\"{0}\" NumberOfVerts=\"{0}\" NumberOfLines=\"0\" NumberOfStrips=\"0\" "
       "NumberOfPolys=\"0\">\n<PointData>\n",

@@ -17,6 +17,12 @@ std::string vtp_text(const Image& image);
 /// a vector. Empty where the image has no gas.
 std::string vti_text(const Image& image);
 
+/// The same for the cells of coarse-grained fields.
+std::string vti_text(const FieldImage& fields);
+
+/// The content of a .vtp file: the triangles of a wall, with the forces on them as cell data.
+std::string vtp_text(const WallMap& map, double time);
+
 /// The content of a .pvd file: time [s] and file name of each frame.
 std::string pvd_text(const std::vector<std::pair<double, std::string>>& frames);
 

@@ -158,7 +158,10 @@ void ScriptedRun::run(std::optional<double> until) {
   advance_to(until ? steps_until(*until, simulation().time_step()) : end);
   if (!outputs_) return;
   const py::gil_scoped_release free;
-  if (simulation().step_number() >= end) outputs_->write_snapshot_now(*simulation_);
+  if (simulation().step_number() >= end) {
+    outputs_->write_snapshot_now(*simulation_);
+    outputs_->write_open_fields(*simulation_);
+  }
   outputs_->write_checkpoint_now(*simulation_);
 }
 

@@ -604,6 +604,8 @@ const KeyTable<WallDraft>& wall_keys() {
       value("symmetry", &Wall::symmetry, {"", "true: a mirror (planes only); grains meet their own image"}),
       value("from", &Wall::from, {"s", "the wall exists from this time ..."}),
       value("until", &Wall::until, {"s", "... until this time"}),
+      value("force_map", &Wall::has_force_map,
+            {"", "true (meshes only): snapshots show the mean force and pressure on each triangle"}),
       tables(
           "motion", &Wall::motion, motion_keys(),
           "motions, carried out one after the other: a later one takes along where the earlier ones have brought the "
@@ -705,10 +707,10 @@ const KeyTable<InletDraft>& inlet_keys() {
 }
 
 /// Along which the scene has cells; in two dimensions x and y will do.
-Key<Gas> cells_key() {
-  return {{"", "cells", "[x, y, z], whole numbers", "-", "none",
-           "cells of the gas along each side of the domain; in two dimensions [x, y] will do", true},
-          [](Reader& reader, const At& at, Gas& out) {
+template <class T>
+Key<T> cells_key(const char* meaning, Presence presence) {
+  return {{"", "cells", "[x, y, z], whole numbers", "-", "none", meaning, presence == required_key},
+          [](Reader& reader, const At& at, T& out) {
             const bool may_lack_z = is_flat(reader);
             const std::size_t n = at.node.kind == Node::Kind::list ? at.node.items.size() : 0;
             if (n != 3 && !(n == 2 && may_lack_z)) {
@@ -772,7 +774,7 @@ const KeyTable<GasBoundaryDraft>& gas_boundary_keys() {
 const KeyTable<GasDraft>& gas_keys() {
   using Law = std::optional<DragLaw>;
   static const KeyTable<Gas> gas{{
-      cells_key(),
+      cells_key<Gas>("cells of the gas along each side of the domain; in two dimensions [x, y] will do", required_key),
       value("density", &Gas::density, {"kg/m3", "density"}, required_key),
       value("viscosity", &Gas::viscosity, {"Pa s", "dynamic viscosity"}, required_key),
       gas_step_key(),
@@ -836,7 +838,8 @@ const KeyTable<ProbeDraft>& probe_keys() {
               {"bed_height", Kind::bed_height},
               {"gas_profile", Kind::gas_profile},
               {"gas_mean", Kind::gas_mean},
-              {"mixing", Kind::mixing}},
+              {"mixing", Kind::mixing},
+              {"fields", Kind::fields}},
              {"", "what is recorded"}, "none", required_key),
       value("name", &Probe::name, {"", "name of the CSV file, without ending"}, optional_key, "the kind"),
       value("wall", &Probe::wall, {"", "wall_force, wall_pressure: name of the wall"}),
@@ -845,18 +848,29 @@ const KeyTable<ProbeDraft>& probe_keys() {
            "bed_height: direction along which it is measured"),
       value("bins", &Probe::bins,
             {"-", "wall_pressure, profile: number of slices; mixing: cells along the longest side of the region"}),
-      value("interval", &Probe::interval, {"s", "time between two rows"}, required_key),
+      value("interval", &Probe::interval, {"s", "time between two rows; fields: between two samples"}, required_key),
       points_key(),
       value("between", &Probe::between, {"m", "pressure_drop: the two planes, by their places along the axis"},
             optional_key, "the faces of the domain"),
       value("share", &Probe::share, {"-", "bed_height: share of the grains' mass that lies below"}),
       value("material", &Probe::material, {"", "mixing: the grains whose share is looked at"}),
-      value("from", &Probe::from, {"s", "gas_profile, gas_mean: averages begin at this time"}),
+      value("from", &Probe::from, {"s", "gas_profile, gas_mean, fields: averages begin at this time"}),
+      value("by_material", &Probe::by_material,
+            {"", "region, profile, fields: of the grains of each material besides"}),
+      cells_key<Probe>("fields: cells along each side of the region; 1: averaged over that side", optional_key),
+      value("width", &Probe::width,
+            {"-", "fields: of the weight by which a grain is spread, in cells; it ends two widths from the centre"}),
+      value("margin", &Probe::margin,
+            {"-", "fields: cells by which the grid goes on beyond sides of the region that are not periodic"},
+            optional_key, "as many as the weight reaches"),
+      value("average", &Probe::average,
+            {"s", "fields: samples of that time are averaged into one file; 0: each sample is a file of its own"}),
+      value("table", &Probe::has_table, {"", "fields: each file also as CSV, one row a cell"}),
   }};
   static const KeyTable<ProbeDraft> keys =
       inside(&ProbeDraft::probe, probe,
              {{table("region", &ProbeDraft::region, box_keys(), "the domain",
-                     "region, profile, gas_profile, mixing: the box that is looked at")}});
+                     "region, profile, gas_profile, mixing, fields: the box that is looked at")}});
   return keys;
 }
 

@@ -3,9 +3,7 @@
 #include <fmt/format.h>
 
 #include <array>
-#include <cstdlib>
 #include <stdexcept>
-#include <string_view>
 
 #include "io/checkpoint/agreement.hpp"
 #include "io/checkpoint/image_file.hpp"
@@ -19,27 +17,14 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::string_view entry_start = "    <Grid Name=\"step ";
-constexpr std::string_view entry_end = "\n    </Grid>\n";
+std::string file_of(const Image& image) { return "snapshots/" + snapshot_name(image.step); }
 
 /// Types as ParaView's readers know them: they have no unsigned 64-bit integers, and HDF5 converts on the way.
 std::string data_item(const FieldInfo& row, const Image& image) {
-  const char* type = row.type == FieldType::real ? "Float" : "Int";
-  const int precision = row.type == FieldType::index ? 4 : 8;
   const std::string shape =
       row.components == 1 ? fmt::format("{}", image.n_grains) : fmt::format("{} {}", image.n_grains, row.components);
-  return fmt::format(
-      "<DataItem Format=\"HDF\" NumberType=\"{}\" Precision=\"{}\" "
-      "Dimensions=\"{}\">snapshots/{}:/particles/{}</DataItem>",
-      type, precision, shape, snapshot_name(image.step), row.name);
-}
-
-/// Names are free text.
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text)
-    out += c == '&' ? "&amp;" : c == '<' ? "&lt;" : c == '>' ? "&gt;" : c == '"' ? "&quot;" : std::string(1, c);
-  return out;
+  return xdmf::data_item(file_of(image), "particles/" + std::string(row.name), shape,
+                         row.type == FieldType::real ? "Float" : "Int", row.type == FieldType::index ? 4 : 8);
 }
 
 /// The grains: topology, geometry, attributes.
@@ -51,8 +36,7 @@ std::string grains_of(const Image& image) {
     const FieldInfo& row = info(array.field);
     if (array.field == Field::position) continue;
     const char* kind = row.components == 1 ? "Scalar" : row.components == 3 ? "Vector" : "Matrix";
-    text += fmt::format("      <Attribute Name=\"{}\" AttributeType=\"{}\" Center=\"Node\">{}</Attribute>\n", row.name,
-                        kind, data_item(row, image));
+    text += xdmf::attribute(std::string(row.name), kind, "Node", data_item(row, image));
   }
   return text;
 }
@@ -60,59 +44,43 @@ std::string grains_of(const Image& image) {
 /// The cells of the gas; quantities on faces are left out, ParaView has no place for them.
 std::string gas_of(const Image& image) {
   const std::array<int, 3> n = gas_cells(image);
-  const Vec3 low = image.domain.low, size = image.domain.size();
-  const auto triple = [](double z, double y, double x) {
-    return fmt::format(
-        "<DataItem Format=\"XML\" NumberType=\"Float\" Precision=\"8\" Dimensions=\"3\">{} {} {}</DataItem>", z, y, x);
-  };
-  std::string text = fmt::format("      <Topology TopologyType=\"3DCoRectMesh\" Dimensions=\"{} {} {}\"/>\n", n[2] + 1,
-                                 n[1] + 1, n[0] + 1);
-  text += fmt::format("      <Geometry GeometryType=\"ORIGIN_DXDYDZ\">{}{}</Geometry>\n", triple(low.z, low.y, low.x),
-                      triple(size.z / n[2], size.y / n[1], size.x / n[0]));
+  std::string text = xdmf::cells(n, image.domain);
   for (const GridArray& array : image.grids)
-    if (array.n == n)
-      text += fmt::format(
-          "      <Attribute Name=\"{}\" AttributeType=\"Scalar\" Center=\"Cell\"><DataItem Format=\"HDF\" "
-          "NumberType=\"Float\" Precision=\"8\" Dimensions=\"{} {} {}\">snapshots/{}:/{}</DataItem></Attribute>\n",
-          escaped(array.name), n[2], n[1], n[0], snapshot_name(image.step), escaped(gas_dataset(array)));
+    if (array.n == n) text += xdmf::on_cells(array.name, n, file_of(image), gas_dataset(array));
   return text;
 }
 
-/// The grains alone, or grains and gas side by side.
-std::string entry_of(const Image& image) {
-  if (image.find(Field::position) == nullptr) throw std::logic_error("a snapshot needs the positions of its grains");
-  const std::string time = fmt::format("      <Time Value=\"{}\"/>\n", image.time);
-  std::string text;
-  if (image.grids.empty()) {
-    text = fmt::format("{}{}\" GridType=\"Uniform\">\n", entry_start, image.step) + time + grains_of(image);
-  } else {
-    const auto part = [](const char* name, const std::string& content) {
-      return fmt::format("      <Grid Name=\"{}\" GridType=\"Uniform\">\n{}      </Grid>\n", name, content);
-    };
-    text = fmt::format("{}{}\" GridType=\"Collection\" CollectionType=\"Spatial\">\n", entry_start, image.step) + time +
-           part("grains", grains_of(image)) + part("gas", gas_of(image));
-  }
-  text.pop_back();  // the end begins with a new line
-  return text.append(entry_end);
+/// The triangles of a wall that has a force map.
+std::string wall_of(const WallMap& map, const Image& image) {
+  const std::size_t n = map.n_triangles();
+  const auto item = [&](const char* what, const std::string& shape, const char* type = "Float") {
+    return xdmf::data_item(file_of(image), map_dataset(map, what), shape, type);
+  };
+  const std::string threes = fmt::format("{} 3", n), ones = fmt::format("{}", n);
+  return fmt::format("      <Topology TopologyType=\"Triangle\" NumberOfElements=\"{}\">{}</Topology>\n", n,
+                     item("triangles", threes, "Int")) +
+         fmt::format("      <Geometry GeometryType=\"XYZ\">{}</Geometry>\n",
+                     item("points", fmt::format("{} 3", 3 * n))) +
+         xdmf::attribute("force", "Vector", "Cell", item("force", threes)) +
+         xdmf::attribute("pressure", "Scalar", "Cell", item("pressure", ones)) +
+         xdmf::attribute("shear", "Scalar", "Cell", item("shear", ones));
 }
 
-/// The entries of a series file that we wrote, by step.
-std::map<std::uint64_t, std::string> parse_entries(const std::string& text) {
-  std::map<std::uint64_t, std::string> entries;
-  for (std::size_t at = text.find(entry_start); at != std::string::npos; at = text.find(entry_start, at + 1)) {
-    const std::size_t end = text.find(entry_end, at);
-    if (end == std::string::npos) break;
-    entries[std::strtoull(text.c_str() + at + entry_start.size(), nullptr, 10)] =
-        text.substr(at, end + entry_end.size() - at);
-  }
-  return entries;
+/// The grains alone, or grains, gas and walls side by side.
+std::string entry_of(const Image& image) {
+  if (image.find(Field::position) == nullptr) throw std::logic_error("a snapshot needs the positions of its grains");
+  if (image.grids.empty() && image.maps.empty()) return xdmf::entry(image.step, image.time, grains_of(image));
+  std::string parts = xdmf::part("grains", grains_of(image));
+  if (!image.grids.empty()) parts += xdmf::part("gas", gas_of(image));
+  for (const WallMap& map : image.maps) parts += xdmf::part(map.name, wall_of(map, image));
+  return xdmf::entry_of_parts(image.step, image.time, parts);
 }
 
 }  // namespace
 
 SnapshotSeries::SnapshotSeries(const fs::path& run_directory) : run_directory_(run_directory) {
-  std::map<std::uint64_t, std::string> listed;
-  if (fs::exists(file())) listed = parse_entries(read_file(file()));
+  xdmf::Entries listed;
+  if (fs::exists(file())) listed = xdmf::parse(read_file(file()));
   for (const fs::path& path : list_snapshots(run_directory_)) {
     const std::uint64_t step = *snapshot_step(path);
     const auto known = listed.find(step);
@@ -125,15 +93,7 @@ SnapshotSeries::SnapshotSeries(const fs::path& run_directory) : run_directory_(r
   }
 }
 
-void SnapshotSeries::write() const {
-  std::string text =
-      "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<!DOCTYPE Xdmf SYSTEM \"Xdmf.dtd\" []>\n<Xdmf Version=\"2.0\">\n "
-      "<Domain>\n"
-      "  <Grid Name=\"grains\" GridType=\"Collection\" CollectionType=\"Temporal\">\n";
-  for (const auto& [step, entry] : entries_) text += entry;
-  text += "  </Grid>\n </Domain>\n</Xdmf>\n";
-  write_file(file(), text);
-}
+void SnapshotSeries::write() const { write_file(file(), xdmf::series("grains", entries_)); }
 
 void SnapshotSeries::add(const Image& image, const World& world, bool distributed) {
   const std::string entry = entry_of(image);

@@ -3,11 +3,10 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <map>
-#include <string>
 
 #include "comm/world.hpp"
 #include "engine/run/image.hpp"
+#include "io/snapshot/xdmf.hpp"
 
 namespace moraine {
 
@@ -33,7 +32,7 @@ class SnapshotSeries {
   void write() const;
 
   std::filesystem::path run_directory_;
-  std::map<std::uint64_t, std::string> entries_;  // by step: the XDMF grid of one snapshot
+  xdmf::Entries entries_;
 };
 
 }  // namespace moraine

@@ -324,6 +324,28 @@ const std::vector<Broken> table = {
      "10: not TOML: expected a key; a key has letters, digits, _ and -, or stands in quotes"},
     {"key given twice", "end = 2.0", "end = 2.0\nend = 3.0",
      "6:7: not TOML: Error while parsing key-value pair: cannot redefine existing floating-point 'end'"},
+    // fields and maps
+    {"fields without cells", "", "[[probe]]\nkind = \"fields\"\ninterval = 0.1",
+     "31: key \"probe[1].cells\": missing: kind = \"fields\" needs the numbers of cells along x, y and z"},
+    {"fields on half a cell", "", "[[probe]]\nkind = \"fields\"\ninterval = 0.1\ncells = [4, 0, 4]",
+     "34: key \"probe[1].cells[1]\": is 0; expected 1 or more"},
+    {"fields on two numbers of cells", "", "[[probe]]\nkind = \"fields\"\ninterval = 0.1\ncells = [4, 4]",
+     "34: key \"probe[1].cells\" = [4, 4]: expected [x, y, z], three whole numbers, such as [20, 20, 40]"},
+    {"fields too wide", "", "[[probe]]\nkind = \"fields\"\ninterval = 0.1\ncells = [4, 4, 4]\nwidth = 9",
+     "35: key \"probe[1].width\": is 9; expected 1 to 8 [cells]"},
+    {"fields with less than no margin", "",
+     "[[probe]]\nkind = \"fields\"\ninterval = 0.1\ncells = [4, 4, 4]\nmargin = -1",
+     "35: key \"probe[1].margin\": is -1; expected 0 to 16 [cells]"},
+    {"fields averaged over less than a sample", "",
+     "[[probe]]\nkind = \"fields\"\ninterval = 0.1\ncells = [4, 4, 4]\naverage = 0.05",
+     "35: key \"probe[1].average\": is 0.05, shorter than interval = 0.1 [s]; expected a multiple of it, or 0"},
+    {"fields named as the series of grains", "",
+     "[[probe]]\nkind = \"fields\"\ninterval = 0.1\ncells = [4, 4, 4]\nname = \"snapshots\"",
+     "35: key \"probe[1].name\": \"snapshots\" is the series of the grains themselves; choose another name"},
+    {"a wall by material", "wall = \"floor\"", "wall = \"floor\"\nby_material = true",
+     "30: key \"probe[0].by_material\": is true; it goes with kind \"region\", \"profile\" and \"fields\""},
+    {"a map of a plane", "name = \"floor\"", "name = \"floor\"\nforce_map = true",
+     "24: key \"wall[0].force_map\": is true; only the triangles of a mesh can be told apart"},
 };
 
 }  // namespace

@@ -1,6 +1,7 @@
 // What a run shows of itself on its way, bit by bit, to be compared with another.
 #pragma once
 
+#include <algorithm>
 #include <cstring>
 #include <functional>
 #include <memory>
@@ -33,15 +34,44 @@ struct Moment {
   Bits ledger;
 };
 
+/// The values of all ranks, one rank after the other, on all ranks.
+inline std::vector<double> whole(const World& world, const std::vector<double>& own) {
+  if (world.is_alone()) return own;
+  std::string bytes(reinterpret_cast<const char*>(own.data()), own.size() * sizeof(double)), all;
+  for (const std::string& of_rank : world.gather_at_root(bytes)) all += of_rank;
+  world.broadcast(all);
+  std::vector<double> values(all.size() / sizeof(double));
+  if (!all.empty()) std::memcpy(values.data(), all.data(), all.size());
+  return values;
+}
+
+/// What the run shows on grids and triangles: coarse-grained fields, then force maps. They begin anew now and then, as in a run that writes them.
+inline void look_at_fields(Simulation& simulation, const Image& snapshot, Moment& moment) {
+  const std::vector<Probe>& probes = simulation.scene().output.probes;
+  const bool begins = simulation.step_number() % 750 == 0;
+  for (std::size_t k = 0; k < probes.size(); ++k) {
+    if (probes[k].kind != Probe::Kind::fields) continue;
+    for (const GridArray& array : simulation.fields(k).arrays)
+      moment.probes.push_back({whole(simulation.world(), array.values)});
+    if (begins) simulation.begin_fields(k);
+  }
+  for (const WallMap& map : snapshot.maps)
+    for (const std::vector<double>& values : {map.corners, map.force, map.pressure, map.shear})
+      moment.probes.push_back({values});
+  if (begins) simulation.begin_force_maps();
+}
+
 inline Moment look(Simulation& simulation) {
   Moment moment;
   moment.step = simulation.step_number();
   moment.hash = simulation.state_hash().text();
-  moment.n_inside = simulation.snapshot().n_grains;  // several ranks count here
+  const Image snapshot = simulation.snapshot();
+  moment.n_inside = snapshot.n_grains;  // several ranks count here
   moment.n_born = simulation.n_born();
   moment.n_left = simulation.n_left();
   for (std::size_t k = 0; k < simulation.scene().output.probes.size(); ++k)
     moment.probes.push_back({simulation.probe_row(k)});
+  look_at_fields(simulation, snapshot, moment);
   if (simulation.scene().output.energy) moment.ledger = ledger_bits(simulation.energy());
   return moment;
 }
@@ -100,6 +130,11 @@ inline std::string difference(const Image& x, const Image& y) {
     if (x.grids.size() != y.grids.size() || x.grids[k].name != y.grids[k].name || x.grids[k].n != y.grids[k].n ||
         !(Bits{x.grids[k].values} == Bits{y.grids[k].values}))
       return "gas " + x.grids[k].name;
+  for (std::size_t k = 0; k < std::max(x.sums.size(), y.sums.size()); ++k)
+    if (x.sums.size() != y.sums.size() || x.sums[k].name != y.sums[k].name || x.sums[k].n != y.sums[k].n ||
+        !(Bits{x.sums[k].values} == Bits{y.sums[k].values}))
+      return "sums of fields";
+  if (x.maps != y.maps) return "force maps";
   if (x.accumulators != y.accumulators) return "accumulators";
   if (!(x.hash == y.hash)) return "hash";
   return "";

@@ -46,7 +46,8 @@ void each_table(Image& image, Function f) {
   f(image.pairs, 1);
   f(image.walls, 1);
   f(image.further, 1);
-  for (GridArray& array : image.grids) f(array.values, 1);
+  for (std::vector<GridArray>* const grids : {&image.grids, &image.sums})
+    for (GridArray& array : *grids) f(array.values, 1);
 }
 
 /// The rows of all ranks, on all ranks; ranks that hold none give nothing.
@@ -76,11 +77,13 @@ inline Image whole(const std::optional<Image>& own, const World& all) {
     writer.put(image.hash);
     writer.put(image.fields.size());
     for (const FieldArray& array : image.fields) writer.put(array.field);
-    writer.put(image.grids.size());
-    for (const GridArray& array : image.grids) {
-      writer.put(array.name.size());
-      writer.put_all(std::span<const char>(array.name));
-      writer.put(array.n);
+    for (const std::vector<GridArray>* const grids : {&image.grids, &image.sums}) {
+      writer.put(grids->size());
+      for (const GridArray& array : *grids) {
+        writer.put(array.name.size());
+        writer.put_all(std::span<const char>(array.name));
+        writer.put(array.n);
+      }
     }
     writer.put(image.accumulators.size());
     for (const auto& [name, values] : image.accumulators) {
@@ -103,11 +106,13 @@ inline Image whole(const std::optional<Image>& own, const World& all) {
   result.hash = reader.get<Hash128>();
   result.fields.resize(reader.get<std::size_t>());
   for (FieldArray& array : result.fields) array.field = reader.get<Field>();
-  result.grids.resize(reader.get<std::size_t>());
-  for (GridArray& array : result.grids) {
-    array.name.resize(reader.get<std::size_t>());
-    reader.get_all(std::span<char>(array.name));
-    array.n = reader.get<std::array<int, 3>>();
+  for (std::vector<GridArray>* const grids : {&result.grids, &result.sums}) {
+    grids->resize(reader.get<std::size_t>());
+    for (GridArray& array : *grids) {
+      array.name.resize(reader.get<std::size_t>());
+      reader.get_all(std::span<char>(array.name));
+      array.n = reader.get<std::array<int, 3>>();
+    }
   }
   for (auto n = reader.get<std::size_t>(); n > 0; --n) {
     std::string name(reader.get<std::size_t>(), ' ');

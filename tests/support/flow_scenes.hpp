@@ -73,6 +73,16 @@ inline void add_probe(Scene& scene, Probe::Kind kind, const std::string& name, c
   scene.output.probes.push_back(probe);
 }
 
+/// Coarse-grained fields in a part of the domain.
+inline void add_fields(Scene& scene, Box region, std::array<int, 3> cells, bool by_material = false, int width = 1) {
+  add_probe(scene, Probe::Kind::fields, "fields_" + std::to_string(scene.output.probes.size()));
+  Probe& probe = scene.output.probes.back();
+  probe.region = region;
+  probe.cells = cells;
+  probe.by_material = by_material;
+  probe.width = width;
+}
+
 /// Dense flow through a box that is periodic in all directions; two streams rub against each other and gravity, balanced by bulk
 /// viscosity, drives all across all faces.
 inline Scene periodic_flow() {
@@ -93,6 +103,8 @@ inline Scene periodic_flow() {
   add_probe(s, Probe::Kind::region, "region");
   add_probe(s, Probe::Kind::profile, "profile");
   add_probe(s, Probe::Kind::contacts, "contacts");
+  add_fields(s, s.domain.box(), {6, 4, 5}, true);
+  for (Probe& probe : s.output.probes) probe.by_material = probe.kind != Probe::Kind::contacts;
   return s;
 }
 
@@ -112,6 +124,7 @@ inline Scene settled_bed() {
   add_probe(s, Probe::Kind::wall_force, "floor_force", "floor");
   add_probe(s, Probe::Kind::wall_pressure, "floor_pressure", "floor");
   add_probe(s, Probe::Kind::region, "region");
+  add_fields(s, {{0.01, 0.0, 0.0}, {0.07, 8 * 1.02 * d, 0.1}}, {3, 1, 6}, false, 2);
   return s;
 }
 
@@ -129,7 +142,8 @@ inline Scene hopper(double gate = 0.03) {
   std::get<LatticeFill>(few.fill).region = CylinderRegion{{0, 0, 0.155}, 2, 0.052, 0.03};
   s.particles = {group, few};
   add_wall(s, "silo", CylinderShape{{0, 0, 0.05}, {0, 0, 1}, 0.055, 0.2});
-  add_wall(s, "cone", MeshShape{"cone.stl", shapes::cone_mesh(16, 3, 0.025, 0.055, 0.05)}, "steel");
+  add_wall(s, "cone", MeshShape{"cone.stl", shapes::cone_mesh(16, 3, 0.025, 0.055, 0.05)}, "steel").has_force_map =
+      true;
   WallDefinition& door = add_wall(s, "gate", DiscShape{{0, 0, 0}, {0, 0, 1}, 0.03, 0.0});
   door.until = gate;
   s.outlets.push_back({"out", 4});

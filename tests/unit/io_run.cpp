@@ -66,6 +66,14 @@ interval = 0.007
 [[probe]]
 kind = "contacts"
 interval = 0.01
+[[probe]]
+kind = "fields"
+name = "flow"
+cells = [3, 1, 5]
+interval = 0.005
+average = 0.02
+from = 0.01
+table = true
 )";
 
 /// A scene file in a directory of its own, and runs of it.
@@ -93,7 +101,8 @@ class Bench {
 
 /// Every series and snapshot, and the last checkpoint, hold the same bytes or bits.
 void check_same_results(const fs::path& a, const fs::path& b) {
-  for (const char* table : {"mass.csv", "pressure.csv", "contacts.csv", "energy.csv", "hashes.csv", "snapshots.xdmf"}) {
+  for (const char* table : {"mass.csv", "pressure.csv", "contacts.csv", "energy.csv", "hashes.csv", "snapshots.xdmf",
+                            "flow.csv", "flow.xdmf"}) {
     INFO(table);
     const bool is_same = read_file(a / table) == read_file(b / table);
     CHECK(is_same);
@@ -103,6 +112,15 @@ void check_same_results(const fs::path& a, const fs::path& b) {
   for (std::size_t i = 0; i < snapshots_a.size(); ++i) {
     const bool is_same = read_file(snapshots_a[i]) == read_file(snapshots_b[i]);
     INFO(snapshots_a[i].string());
+    CHECK(is_same);
+  }
+  std::set<std::string> names;
+  for (const fs::path& run : {a, b})
+    for (const auto& entry : fs::directory_iterator(run / "fields")) names.insert(entry.path().filename().string());
+  CHECK(names.size() == 10);  // HDF5 and CSV, each of 0.02 s
+  for (const std::string& name : names) {
+    INFO(name);
+    const bool is_same = read_file(a / "fields" / name) == read_file(b / "fields" / name);
     CHECK(is_same);
   }
   const ComparisonText comparison = compare_files(a, b);

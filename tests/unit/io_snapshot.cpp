@@ -6,8 +6,11 @@
 #include <cstdlib>
 #include <fstream>
 
+#include "io/checkpoint/image_file.hpp"
+#include "io/export/vtk.hpp"
 #include "io/snapshot/compare.hpp"
 #include "io/snapshot/describe.hpp"
+#include "io/snapshot/field_series.hpp"
 #include "io/snapshot/series.hpp"
 #include "io/snapshot/snapshot.hpp"
 #include "tests/unit/io_images.hpp"
@@ -206,6 +209,84 @@ print(len(steps), [a.get("Name") for a in gas.findall("Attribute")], nodes, f["g
   REQUIRE(output.substr(0, expected.size()) == expected);
   CHECK(std::stod(output.substr(expected.size())) == std::stod(value));
   CHECK(SnapshotSeries(run.path()).size() == 2);
+}
+
+TEST_CASE("maps of forces on walls, and what fields have added up, come back bit for bit") {
+  const TemporaryDirectory directory;
+  Image image = make_image(5, 200);
+  WallMap map;
+  map.name = "drum / <left>";
+  for (int k = 0; k < 18; ++k) map.corners.push_back(0.1 * k);
+  map.force = {1, 2, 3, -4, 5e-300, 6};
+  map.pressure = {7.5, 0.0};
+  map.shear = {0.25, 1e9};
+  image.maps = {map, map};
+  image.maps[1].name = "blade";
+  image.sums = {{"flow.mass", "kg", {3, 1, 2}, {1, 2, 3, 4, 5, 0.1}}};
+  SnapshotSeries series(directory.path());
+  series.add(image);
+  const fs::path file = snapshot_directory(directory.path()) / snapshot_name(200);
+  const std::vector<WallMap> maps = read_snapshot(file).maps;
+  REQUIRE(maps.size() == 2);
+  CHECK(maps[0] == image.maps[1]);  // in order of name
+  CHECK(maps[1] == image.maps[0]);
+  CHECK(read_snapshot(file).sums.empty());
+  const std::string text = read_file(series.file());
+  CHECK(text.find("<Grid Name=\"blade\" GridType=\"Uniform\">") != std::string::npos);
+  CHECK(text.find(":/walls/blade/pressure</DataItem>") != std::string::npos);
+  const std::string vtp = vtp_text(map, 0.5);
+  CHECK(vtp.find("NumberOfPoints=\"6\"") != std::string::npos);
+  CHECK(vtp.find("NumberOfPolys=\"2\"") != std::string::npos);
+
+  write_checkpoint(directory.path() / "c.h5", image, {});
+  const Image kept = read_checkpoint(directory.path() / "c.h5").image;
+  CHECK(kept.maps.empty());
+  REQUIRE(kept.sums.size() == 1);
+  CHECK(kept.sums[0].name == "flow.mass");
+  CHECK(kept.sums[0].n == image.sums[0].n);
+  CHECK(kept.sums[0].values == image.sums[0].values);
+  CHECK(kept.grids.empty());
+}
+
+TEST_CASE("coarse-grained fields come back as they were written, and stand in a series that goes on after a restart") {
+  const TemporaryDirectory run;
+  FieldImage fields;
+  fields.name = "flow";
+  fields.time_step = 1e-4;
+  fields.from = 0.001;
+  fields.n_samples = 3;
+  fields.box = {{-1, 0, 2}, {1, 1, 3}};
+  fields.n = {2, 1, 3};
+  fields.arrays = {{"density", "kg/m3", fields.n, {1, 2, 3, 4, 5, 6}},
+                   {"glass.velocity_x", "m/s", fields.n, {0, 0, 0, 0, 0, 0.1}}};
+  FieldSeries series(run.path(), "flow");
+  for (const std::uint64_t step : {100u, 200u, 300u}) {
+    fields.step = step;
+    fields.time = 1e-4 * static_cast<double>(step);
+    series.add(fields, World(), true);
+  }
+  const std::vector<fs::path> files = list_field_files(run.path());
+  REQUIRE(files.size() == 3);
+  const FieldImage back = read_field_image(files[2]);
+  CHECK(back.name == "flow");
+  CHECK(back.step == 300);
+  CHECK(back.n_samples == 3);
+  CHECK(back.from == fields.from);
+  CHECK(back.box == fields.box);
+  CHECK(back.n == fields.n);
+  REQUIRE(back.arrays.size() == 2);
+  CHECK(back.arrays[1].name == "glass.velocity_x");
+  CHECK(back.arrays[1].unit == "m/s");
+  CHECK(back.arrays[0].values == fields.arrays[0].values);
+  CHECK(csv_of_fields(fields).substr(0, 80) ==
+        "x [m],y [m],z [m],density [kg/m3],glass.velocity_x [m/s]\n-0.5,0.5,2.16666666666666");
+  FieldSeries again(run.path(), "flow");
+  CHECK(again.contains(300));
+  again.drop_from(200);
+  CHECK(list_field_files(run.path()).size() == 1);
+  CHECK(!fs::exists(run.path() / "fields" / "flow_000000000200.csv"));
+  CHECK(read_file(again.file()).find("step 200") == std::string::npos);
+  CHECK(FieldSeries(run.path(), "other").contains(100) == false);
 }
 
 TEST_CASE("a series takes up its entries with gas as they are, and drops them whole") {
