@@ -19,7 +19,9 @@ Ghosts::Link& Ghosts::link_with(int rank) {
   const auto found =
       std::lower_bound(links_.begin(), links_.end(), rank, [](const Link& link, int r) { return link.rank < r; });
   if (found != links_.end() && found->rank == rank) return *found;
-  return *links_.insert(found, Link{rank, {}, 0, 0, 0});
+  Link link;
+  link.rank = rank;
+  return *links_.insert(found, std::move(link));
 }
 
 void Ghosts::make(const World& world, const Subdomains& subdomains, Particles& particles, const SizeClasses& classes,
@@ -59,10 +61,23 @@ void Ghosts::make(const World& world, const Subdomains& subdomains, Particles& p
     find_copies(subdomains, rank, particles, largest, skin);
   }
 
+  open_messages(world, subdomains, near);
+}
+
+/// Ranks whose boxes share a face always hear of each other, so that news comes to all.
+void Ghosts::open_messages(const World& world, const Subdomains& subdomains, std::span<const Subdomains::Near> near) {
+  for (const int other : subdomains.linked(world.rank())) link_with(other).is_kept = true;
   std::vector<Halo::Link> messages;
-  const std::size_t bytes = n_refreshed_ * sizeof(double);
-  for (const Link& link : links_) messages.push_back({link.rank, link.sent.size() * bytes, at(link.n_ghosts) * bytes});
+  const auto bytes = [&](std::size_t n_grains) { return sizeof(HaloNews) + n_grains * n_refreshed_ * sizeof(double); };
+  for (const Link& link : links_)
+    messages.push_back(
+        {link.rank, sends(link) ? bytes(link.sent.size()) : 0, receives(link) ? bytes(at(link.n_ghosts)) : 0});
   halo_.open(world, std::move(messages));
+  heard_ = {std::numeric_limits<std::uint64_t>::max(), 0.0, heard_.max_speed};  // all lists are new
+  hears_all_near_ = std::all_of(near.begin(), near.end(), [&](const Subdomains::Near& other) {
+    const auto link = std::find_if(links_.begin(), links_.end(), [&](const Link& l) { return l.rank == other.part; });
+    return link != links_.end() && receives(*link);
+  });
 }
 
 /// Sends the grains that others need, first or besides, and returns those that come.
@@ -144,7 +159,10 @@ void Ghosts::find_copies(const Subdomains& subdomains, int rank, const Particles
 
 void Ghosts::start_refresh(const Particles& particles) {
   for (std::size_t k = 0; k < links_.size(); ++k) {
+    if (!sends(links_[k])) continue;
     std::byte* to = halo_.outgoing(k).data();
+    std::memcpy(to, &own_, sizeof own_);
+    to += sizeof own_;
     for (const std::int32_t i : links_[k].sent)
       for (const auto& [slot, n] : refreshed_) {
         const std::size_t bytes = at(n) * sizeof(double);
@@ -158,9 +176,17 @@ void Ghosts::start_refresh(const Particles& particles) {
 std::span<const GhostEvent> Ghosts::finish_refresh(Particles& particles) {
   halo_.finish();
   events_.clear();
+  heard_ = {};
   const bool is_any_periodic = periodic_[0] || periodic_[1] || periodic_[2];
   for (std::size_t k = 0; k < links_.size(); ++k) {
+    if (!receives(links_[k])) continue;
     const std::byte* from = halo_.incoming(k).data();
+    HaloNews news;
+    std::memcpy(&news, from, sizeof news);
+    from += sizeof news;
+    heard_.next_look = std::min(heard_.next_look, news.next_look);
+    heard_.travelled = std::max(heard_.travelled, news.travelled);
+    heard_.max_speed = std::max(heard_.max_speed, news.max_speed);
     for (std::int32_t g = links_[k].first_ghost; g < links_[k].first_ghost + links_[k].n_ghosts; ++g) {
       const Vec3 before = particles.position(g);
       for (const auto& [slot, n] : refreshed_) {
@@ -182,6 +208,7 @@ std::span<const GhostEvent> Ghosts::finish_refresh(Particles& particles) {
       if (event.steps != std::array<int, 3>{}) events_.push_back(event);
     }
   }
+  own_.next_look = std::min(own_.next_look, heard_.next_look);
   // Links are in order of rank, and so are the places of their ghosts.
   are_fresh_ = true;
   return events_;
@@ -192,9 +219,11 @@ HaloCounts Ghosts::counts() const {
   for (const Link& link : links_) {
     counts.n_ghosts += at(link.n_ghosts);
     counts.n_sent += link.sent.size();
-    ++counts.n_neighbours;
-    counts.n_messages += link.sent.empty() ? 0 : 1;
-    counts.n_received += link.n_ghosts == 0 ? 0 : 1;
+    const bool sends_grains = !link.sent.empty(), receives_grains = link.n_ghosts > 0;
+    counts.n_neighbours += sends_grains || receives_grains ? 1 : 0;
+    counts.n_messages += sends_grains ? 1 : 0;
+    counts.n_received += receives_grains ? 1 : 0;
+    counts.n_news += (sends(link) && !sends_grains ? 1 : 0) + (receives(link) && !receives_grains ? 1 : 0);
     counts.n_bytes += link.sent.size() * n_refreshed_ * sizeof(double);
   }
   return counts;
