@@ -262,6 +262,60 @@ std::vector<Subdomains::Near> Subdomains::near(int part, double reach) const {
   return found;
 }
 
+std::vector<int> Subdomains::linked(int part) const {
+  int home = part;  // of an empty part
+  while (home > 0 && is_empty(home)) --home;
+  if (home != part) return {home};
+  std::vector<int> found;
+  double reach =
+      1e-100;  // faces of cuts are the same number on both sides; those across a period are so but for rounding
+  for (int axis = 0; axis < 3; ++axis)
+    if (periodic_[static_cast<std::size_t>(axis)]) reach = std::max(reach, 1e-9 * period()[axis]);
+  for (const Near& other : near(part, reach)) {
+    int n_overlapping = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+      const int step = other.steps[static_cast<std::size_t>(axis)];
+      const double by = step == 0 ? 0.0 : step * period()[axis];
+      const Box &own = box(part), &there = box(other.part);
+      const double begin = std::max(own.low[axis] + by, there.low[axis]),
+                   end = std::min(own.high[axis] + by, there.high[axis]);
+      n_overlapping += end - begin > reach ? 1 : 0;
+    }
+    if (n_overlapping >= 2 && (found.empty() || found.back() != other.part)) found.push_back(other.part);
+  }
+  for (int empty = part + 1; empty < size() && is_empty(empty); ++empty) found.push_back(empty);
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+int Subdomains::most_hops() const {
+  const auto n = boxes_.size();
+  std::vector<std::vector<int>> links(n);
+  for (std::size_t part = 0; part < n; ++part) links[part] = linked(static_cast<int>(part));
+  const auto hops_from = [&](std::size_t source) {  // breadth first
+    std::vector<int> hops(n, -1);
+    std::vector<std::size_t> queue = {source};
+    hops[source] = 0;
+    for (std::size_t next = 0; next < queue.size(); ++next)
+      for (const int other : links[queue[next]]) {
+        const auto o = static_cast<std::size_t>(other);
+        if (hops[o] >= 0) continue;
+        hops[o] = hops[queue[next]] + 1;
+        queue.push_back(o);
+      }
+    return *std::max_element(hops.begin(), hops.end());
+  };
+  constexpr std::size_t few = 128, n_tried = 8;
+  if (n > few) {  // by way of the part in the middle of things
+    int least = std::numeric_limits<int>::max();
+    for (std::size_t k = 0; k < n_tried; ++k) least = std::min(least, 2 * hops_from(k * n / n_tried));
+    return least;
+  }
+  int most = 0;
+  for (std::size_t part = 0; part < n; ++part) most = std::max(most, hops_from(part));
+  return most;
+}
+
 double squared_distance(Vec3 point, const Box& box) {
   if (is_nothing(box)) return infinite;
   double squared = 0.0;

@@ -66,6 +66,12 @@ class Subdomains {
   /// `part` with the steps negated. A walk down the tree: the time grows with what is found, not with the number of parts.
   std::vector<Near> near(int part, double reach) const;
 
+  /// The parts that share a face with `part`, periodic ones too, in order; an empty part is linked with the part in whose piece there was no
+  /// room for it. Symmetric, and all parts hang together by links.
+  std::vector<int> linked(int part) const;
+  /// From any part to any other there are no more links than this. Exact for up to 128 parts, at most twice as many for more.
+  int most_hops() const;
+
   bool operator==(const Subdomains&) const = default;
 
  private:

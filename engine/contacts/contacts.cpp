@@ -116,6 +116,7 @@ void Contacts::build(Particles& particles, PairCarry& pairs, WallCarry& walls, s
   }
   // In the order of the cells of the smallest; where sizes differ widely, each class has its own cells besides, for the search.
   const double reach = skin + range_;  // between surfaces
+  swept_ = {};
   cells_.sort(Centres::of(particles), domain_, wraps, 2.0 * sizes_.smallest_limit() + reach, n_threads);
   particles.reorder(cells_.order(), n_threads);
   SizeGrids grids;
@@ -148,9 +149,13 @@ void Contacts::advance(Particles& particles, const Kick& kick, double dt, double
   std::vector<ThreadStep> steps(static_cast<std::size_t>(n_active));
   if (!has_map_.empty()) triangle_forces_.assign(static_cast<std::size_t>(n_active), {});
   if (!ghosts_.are_fresh()) ghosts_.start_refresh(particles);
+  // Where grains turn out to be nearer to their places than was known, bands close. What they held in the last step is swept once more: a
+  // contact that has ended meanwhile must be seen to end.
+  const Approach approach = {std::max(2.0 * travelled, swept_.own), swept_.border};
   parallel(n_active, [&](int thread) {
-    advance_thread(particles, kick, dt, travelled, counted, thread, steps[static_cast<std::size_t>(thread)]);
+    advance_thread(particles, kick, dt, travelled, approach, counted, thread, steps[static_cast<std::size_t>(thread)]);
   });
+  if (std::isfinite(travelled)) swept_ = {2.0 * travelled, travelled + ghosts_.heard().travelled};
   ghosts_.set_fresh(world_.is_alone());
   result = StepResult{};
   for (const ThreadStep& step : steps) {
@@ -170,8 +175,8 @@ void Contacts::advance(Particles& particles, const Kick& kick, double dt, double
   std::sort(result.outside.begin(), result.outside.end());
 }
 
-void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt, double travelled, double counted,
-                              int thread, ThreadStep& step) {
+void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt, double travelled,
+                              const Approach& approach, double counted, int thread, ThreadStep& step) {
   ThreadPairs& mine = pairs_.threads()[static_cast<std::size_t>(thread)];
   PairSweep sweep;
   sweep.records = particles.records();
@@ -243,15 +248,15 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   };
 
   const int slot = needs_.slot_size;
-  const auto sweep_kept = [&](const Tile& tile) {
-    if (tile.pair_end > tile.kept_begin)
-      note(kernels_.pairs(sweep, {tile.kept_begin, tile.pair_end},
-                          pairs_.kept_slots() + std::int64_t{tile.kept_slot} * slot));
+  const auto sweep_kept = [&](const Tile& tile, double nearer) {
+    const std::int64_t far = pairs_.far_begin(tile.kept_bands, tile.pair_end, nearer);
+    if (far > tile.kept_begin)
+      note(kernels_.pairs(sweep, {tile.kept_begin, far}, pairs_.kept_slots() + std::int64_t{tile.kept_slot} * slot));
   };
   const std::size_t n_tiles = mine.tiles.size() - (mine.has_border ? 1 : 0);
   for (std::size_t t = 0; t < n_tiles; ++t) {
     const Tile& tile = mine.tiles[t];
-    const std::int64_t far = pairs_.far_begin(tile, travelled);
+    const std::int64_t far = pairs_.far_begin(tile.ring_bands, tile.kept_begin, approach.own);
     for (std::int64_t k = tile.ring_begin; k < tile.kept_begin;) {  // up to the end of the ring, then from its start
       const std::int64_t place = k & mine.ring_mask;
       const std::int64_t end =
@@ -263,7 +268,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
         std::fill_n(slots, (end - k) * slot, 0.0);
       k = end;
     }
-    sweep_kept(tile);
+    sweep_kept(tile, approach.own);
     touch_walls(wall_contacts_.tile(thread, t));
     if (tile.plain_begin < 0)
       advance_grains(nullptr, {tile.grain_begin, tile.grain_end});
@@ -274,7 +279,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   if (thread == 0 && !ghosts_.are_fresh()) finish_refresh(particles);
   if (mine.has_border) {
     barrier();
-    sweep_kept(mine.tiles.back());
+    sweep_kept(mine.tiles.back(), std::max(approach.border, travelled + ghosts_.heard().travelled));
   }
   barrier();
   touch_walls(wall_contacts_.deferred(thread));

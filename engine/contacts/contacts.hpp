@@ -168,6 +168,8 @@ class Contacts {
   const PairList& pairs() const { return pairs_; }
   const Cells& cells() const { return cells_; }
   const Ghosts& ghosts() const { return ghosts_; }
+  /// What the next messages to other ranks say of this one.
+  void tell(const HaloNews& own) { ghosts_.tell(own); }
   /// Grains that this rank has handed to others since the start.
   std::uint64_t n_migrated() const { return n_migrated_; }
   std::size_t memory() const { return pairs_.memory() + wall_contacts_.memory() + cells_.memory() + ghosts_.memory(); }
@@ -181,8 +183,12 @@ class Contacts {
   void take_in(Particles& particles, const Births& births, PairCarry& pairs, std::vector<std::uint8_t>& is_leaving,
                int n_threads) const;
   struct ThreadStep;
-  void advance_thread(Particles& particles, const Kick& kick, double dt, double travelled, double counted, int thread,
-                      ThreadStep& step);
+  /// How much nearer grains of pairs may have come since the rebuild [m].
+  struct Approach {
+    double own = 0.0, border = 0.0;  // of this rank; with ghosts
+  };
+  void advance_thread(Particles& particles, const Kick& kick, double dt, double travelled, const Approach& approach,
+                      double counted, int thread, ThreadStep& step);
   ReferenceContact pair_contact(const Particles& particles, std::int32_t a, std::int32_t b, std::uint8_t image,
                                 const PairMemory* memory) const;
   ReferenceContact wall_contact(const Particles& particles, const WallContact& contact, double mirror) const;
@@ -213,6 +219,7 @@ class Contacts {
     WallCarry walls;
   };
   std::optional<SetAside> set_aside_;
+  Approach swept_;  // in the last step
   ExactSum energy_left_;
   WallSums wall_sums_;
   std::vector<bool> has_map_;  // of each surface; empty: none has

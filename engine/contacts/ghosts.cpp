@@ -1,6 +1,7 @@
 #include "engine/contacts/ghosts.hpp"
 
 #include <algorithm>
+#include <cstring>
 
 #include "engine/contacts/ghost_rule.hpp"
 #include "engine/particles/parcel.hpp"
@@ -17,7 +18,9 @@ Ghosts::Link& Ghosts::link_with(int rank) {
   const auto found =
       std::lower_bound(links_.begin(), links_.end(), rank, [](const Link& link, int r) { return link.rank < r; });
   if (found != links_.end() && found->rank == rank) return *found;
-  return *links_.insert(found, Link{rank, {}, 0, 0, 0});
+  Link link;
+  link.rank = rank;
+  return *links_.insert(found, std::move(link));
 }
 
 void Ghosts::make(const World& world, const Subdomains& subdomains, Particles& particles, const SizeClasses& classes,
@@ -51,10 +54,23 @@ void Ghosts::make(const World& world, const Subdomains& subdomains, Particles& p
     find_copies(subdomains, rank, particles, largest, skin);
   }
 
+  open_messages(world, subdomains, near);
+}
+
+/// Ranks whose boxes share a face always hear of each other, so that news comes to all.
+void Ghosts::open_messages(const World& world, const Subdomains& subdomains, std::span<const Subdomains::Near> near) {
+  for (const int other : subdomains.linked(world.rank())) link_with(other).is_kept = true;
   std::vector<Halo::Link> messages;
-  const std::size_t bytes = records_.bytes();
-  for (const Link& link : links_) messages.push_back({link.rank, link.sent.size() * bytes, at(link.n_ghosts) * bytes});
+  const auto bytes = [&](std::size_t n_grains) { return sizeof(HaloNews) + n_grains * records_.bytes(); };
+  for (const Link& link : links_)
+    messages.push_back(
+        {link.rank, sends(link) ? bytes(link.sent.size()) : 0, receives(link) ? bytes(at(link.n_ghosts)) : 0});
   halo_.open(world, std::move(messages));
+  heard_ = {std::numeric_limits<std::uint64_t>::max(), 0.0, heard_.max_speed};  // all lists are new
+  hears_all_near_ = std::all_of(near.begin(), near.end(), [&](const Subdomains::Near& other) {
+    const auto link = std::find_if(links_.begin(), links_.end(), [&](const Link& l) { return l.rank == other.part; });
+    return link != links_.end() && receives(*link);
+  });
 }
 
 /// Sends the grains that others need, first or besides, and returns those that come.
@@ -135,16 +151,31 @@ void Ghosts::find_copies(const Subdomains& subdomains, int rank, const Particles
 }
 
 void Ghosts::start_refresh(const Particles& particles) {
-  for (std::size_t k = 0; k < links_.size(); ++k) records_.pack(particles, links_[k].sent, halo_.outgoing(k).data());
+  for (std::size_t k = 0; k < links_.size(); ++k) {
+    if (!sends(links_[k])) continue;
+    std::byte* const to = halo_.outgoing(k).data();
+    std::memcpy(to, &own_, sizeof own_);
+    records_.pack(particles, links_[k].sent, to + sizeof own_);
+  }
   halo_.start();
 }
 
 std::span<const GhostEvent> Ghosts::finish_refresh(Particles& particles) {
   halo_.finish();
   events_.clear();
+  heard_ = {};
   // Links are in order of rank, and so are the places of their ghosts.
-  for (std::size_t k = 0; k < links_.size(); ++k)
-    records_.unpack(halo_.incoming(k).data(), links_[k].first_ghost, links_[k].n_ghosts, particles, events_);
+  for (std::size_t k = 0; k < links_.size(); ++k) {
+    if (!receives(links_[k])) continue;
+    const std::byte* const from = halo_.incoming(k).data();
+    HaloNews news;
+    std::memcpy(&news, from, sizeof news);
+    heard_.next_look = std::min(heard_.next_look, news.next_look);
+    heard_.travelled = std::max(heard_.travelled, news.travelled);
+    heard_.max_speed = std::max(heard_.max_speed, news.max_speed);
+    records_.unpack(from + sizeof news, links_[k].first_ghost, links_[k].n_ghosts, particles, events_);
+  }
+  own_.next_look = std::min(own_.next_look, heard_.next_look);
   are_fresh_ = true;
   return events_;
 }
@@ -154,9 +185,11 @@ HaloCounts Ghosts::counts() const {
   for (const Link& link : links_) {
     counts.n_ghosts += at(link.n_ghosts);
     counts.n_sent += link.sent.size();
-    ++counts.n_neighbours;
-    counts.n_messages += link.sent.empty() ? 0 : 1;
-    counts.n_received += link.n_ghosts == 0 ? 0 : 1;
+    const bool sends_grains = !link.sent.empty(), receives_grains = link.n_ghosts > 0;
+    counts.n_neighbours += sends_grains || receives_grains ? 1 : 0;
+    counts.n_messages += sends_grains ? 1 : 0;
+    counts.n_received += receives_grains ? 1 : 0;
+    counts.n_news += (sends(link) && !sends_grains ? 1 : 0) + (receives(link) && !receives_grains ? 1 : 0);
     counts.n_bytes += link.sent.size() * records_.bytes();
   }
   return counts;

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -20,10 +21,19 @@ namespace moraine {
 /// What one rank exchanges with others in a step.
 struct HaloCounts {
   std::uint64_t n_ghosts = 0, n_sent = 0;  // grains
-  std::uint64_t n_neighbours = 0;          // ranks that it sends to or receives from
-  std::uint64_t n_messages = 0;            // sent a step
-  std::uint64_t n_received = 0;            // messages received a step
-  std::uint64_t n_bytes = 0;               // sent a step
+  std::uint64_t n_neighbours = 0;          // ranks that it sends grains to or receives grains from
+  std::uint64_t n_messages = 0;            // with grains, sent a step
+  std::uint64_t n_received = 0;            // with grains, received a step
+  std::uint64_t n_news = 0;                // messages of nothing but HaloNews a step, sent and received
+  std::uint64_t n_bytes = 0;               // of grains, sent a step
+};
+
+/// What a rank says of itself at the head of each message to another, beside its grains.
+struct HaloNews {
+  std::uint64_t next_look =
+      std::numeric_limits<std::uint64_t>::max();  // step at which it will look at how far all have come
+  double travelled = 0.0;                         // [m] none of its grains is further from where it was at the rebuild
+  double max_speed = 0.0;                         // [m/s] of its grains in the last step
 };
 
 class Ghosts {
@@ -41,6 +51,16 @@ class Ghosts {
   /// Waits for it and puts it in place. Returns the ghosts that have been brought back by a period or have left, in order.
   std::span<const GhostEvent> finish_refresh(Particles& particles);
 
+  /// What the next messages say of this rank.
+  void tell(const HaloNews& own) { own_ = own; }
+  /// What was told last, but that an earlier look that others have told of since has taken the place of its own: so it goes on
+  /// from neighbour to neighbour.
+  const HaloNews& own() const { return own_; }
+  /// What the last messages said: the earliest look, the furthest and the fastest of all that came.
+  const HaloNews& heard() const { return heard_; }
+  /// True where every rank whose grains could meet this one's before the next rebuild sends it messages.
+  bool hears_all_near() const { return hears_all_near_; }
+
   /// False where the grains have moved since the ghosts were made or refreshed.
   bool are_fresh() const { return are_fresh_; }
   void set_fresh(bool are_fresh) { are_fresh_ = are_fresh; }
@@ -56,7 +76,11 @@ class Ghosts {
     std::size_t n_first = 0;         // of them, those that it needs whatever it has itself
     std::int32_t first_ghost = 0;    // places of the ghosts that it sends
     std::int32_t n_ghosts = 0;
+    bool is_kept = false;  // there are messages both ways, if only with news
   };
+  bool sends(const Link& link) const { return link.is_kept || !link.sent.empty(); }
+  bool receives(const Link& link) const { return link.is_kept || link.n_ghosts > 0; }
+  void open_messages(const World& world, const Subdomains& subdomains, std::span<const Subdomains::Near> near);
   std::vector<Parcel> send_new(const World& world, const Particles& particles, bool is_first) const;
   void receive(Particles& particles, std::span<const std::vector<Parcel>> rounds);
   void add_smaller(const Particles& particles, const SizeClasses& classes, const SizeGrids& grids, double skin);
@@ -72,6 +96,8 @@ class Ghosts {
   Vec3 period_;
   Halo halo_;
   bool are_fresh_ = true;
+  bool hears_all_near_ = true;
+  HaloNews own_, heard_;
 };
 
 }  // namespace moraine

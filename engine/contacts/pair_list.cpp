@@ -312,12 +312,11 @@ void PairList::set_bands(double skin) {
   for (std::size_t band = 1; band < n_bands; ++band) band_gap_[band] = range_ + of_skin[band] * skin;
 }
 
-std::int64_t PairList::far_begin(const Tile& tile, double travelled) const {
-  const double closed = 2.0 * travelled * (1.0 + 1e-9);
+std::int64_t PairList::far_begin(const BandBegins& bands, std::int64_t end, double approach) const {
+  const double closed = approach * (1.0 + 1e-9);
   for (std::size_t band = 1; band < n_bands; ++band)
-    if (closed < band_gap_[band] * (1.0 - 1e-9) - range_)
-      return std::min(round_up(tile.band_begin[band - 1]), tile.kept_begin);
-  return tile.kept_begin;
+    if (closed < band_gap_[band] * (1.0 - 1e-9) - range_) return std::min(round_up(bands[band - 1]), end);
+  return end;
 }
 
 void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_shift, const PairNeeds& needs,
@@ -373,12 +372,20 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
     }
   };
 
-  struct Kept {
+  struct Listed {
     std::int32_t i, j;
     std::uint8_t image;
   };
-  std::vector<Kept> kept;
-  std::array<std::vector<Kept>, n_bands> bands;
+  using Bands = std::array<std::vector<Listed>, n_bands>;
+  Bands ring, kept;
+  const auto put_bands = [&](Bands& bands, BandBegins& begins) {  // and empties them
+    for (std::size_t band = 0; band < n_bands; ++band) {
+      if (band > 0) begins[band - 1] = k;
+      for (const Listed& pair : bands[band]) put(pair.i, pair.j, pair.image);
+      bands[band].clear();
+    }
+    fill_group();
+  };
   const auto band_of = [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
     Vec3 separation = particles.position(i) - particles.position(j);
     if (code) separation = separation + image_shift[code];
@@ -395,37 +402,31 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
       return std::size_t{0};
     return band;
   };
+  const auto note_cross_pairs = [&](const Tile& tile) {
+    for (std::int64_t pair = tile.kept_begin; pair < tile.pair_end; ++pair) {
+      const std::size_t p = at(pair);
+      const std::int32_t first = std::min(mine.a[p], mine.b[p]), second = std::max(mine.a[p], mine.b[p]);
+      if (first == dummy || second < mine.grain_end) continue;
+      cross_[at(thread)].push_back({second, first, tile.kept_slot + static_cast<std::uint32_t>(pair - tile.kept_begin),
+                                    needs.has_images ? mine.image[p] : std::uint8_t{0}, mine.b[p] == second});
+    }
+  };
   for (std::int32_t begin = mine.grain_begin; begin < mine.grain_end; begin += tile_size) {
     Tile tile;
     tile.grain_begin = begin;
     tile.grain_end = std::min(begin + tile_size, mine.grain_end);
     tile.ring_begin = k;
-    kept.clear();
-    for (auto& band : bands) band.clear();
     for_each_raw(tile.grain_begin, tile.grain_end, [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
       const bool is_far = j - i > furthest_in_ring_;  // in another column, or beyond a periodic face
-      if (j >= mine.grain_end || is_deferred_[at(i)] || is_deferred_[at(j)] || is_far)
-        kept.push_back({i, j, code});
-      else
-        bands[band_of(i, j, code)].push_back({i, j, code});
+      const bool is_kept = j >= mine.grain_end || is_deferred_[at(i)] || is_deferred_[at(j)] || is_far;
+      (is_kept ? kept : ring)[band_of(i, j, code)].push_back({i, j, code});
     });
-    for (std::size_t band = 0; band < n_bands; ++band) {
-      if (band > 0) tile.band_begin[band - 1] = k;
-      for (const Kept& pair : bands[band]) put(pair.i, pair.j, pair.image);
-    }
-    fill_group();
+    put_bands(ring, tile.ring_bands);
     tile.kept_begin = k;
     tile.kept_slot = n_kept;
-    for (const Kept& pair : kept) {
-      const std::size_t p = at(k);
-      put(pair.i, pair.j, pair.image);
-      if (pair.j >= mine.grain_end)
-        cross_[at(thread)].push_back({pair.j, pair.i,
-                                      tile.kept_slot + static_cast<std::uint32_t>(k - 1 - tile.kept_begin),
-                                      needs.has_images ? mine.image[p] : std::uint8_t{0}, mine.b[p] == pair.j});
-    }
-    fill_group();
+    put_bands(kept, tile.kept_bands);
     tile.pair_end = k;
+    note_cross_pairs(tile);
     n_kept += static_cast<std::uint32_t>(k - tile.kept_begin);
 
     bool is_any_deferred = false;
@@ -445,8 +446,9 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
     tile.grain_begin = tile.grain_end = mine.grain_end;
     tile.ring_begin = tile.kept_begin = k;
     tile.kept_slot = n_kept;
-    for (const BorderPair& pair : border) put(pair.i, pair.ghost, pair.image);
-    fill_group();
+    for (const BorderPair& pair : border)
+      kept[band_of(pair.i, pair.ghost, pair.image)].push_back({pair.i, pair.ghost, pair.image});
+    put_bands(kept, tile.kept_bands);
     tile.pair_end = k;
     n_kept += static_cast<std::uint32_t>(k - tile.kept_begin);
     mine.tiles.push_back(tile);
@@ -457,7 +459,11 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
 void PairList::index_entries(const Particles& particles, const PairNeeds& needs, int thread) {
   ThreadPairs& mine = threads_[at(thread)];
   const std::int32_t first = mine.grain_begin, end = mine.grain_end, dummy = particles.dummy();
-  for (Tile& tile : mine.tiles) tile.kept_slot += kept_base_[at(thread)];
+  for (Tile& tile : mine.tiles) {
+    tile.kept_slot += kept_base_[at(thread)];
+    std::fill_n(kept_.data() + std::int64_t{tile.kept_slot} * needs.slot_size,
+                (tile.pair_end - tile.kept_begin) * needs.slot_size, 0.0);
+  }
 
   // Count, place, sort each grain's entries by the other's gid.
   const auto each_end = [&](auto f) {  // f(grain, other, entry, image as stored)

@@ -44,15 +44,17 @@ struct PairMemory {
   }
 };
 
-/// Pairs of a tile that go to the ring lie in bands by how far apart their grains were at the rebuild: of a band that is still too far
-/// apart to touch, nothing is computed.
+/// Pairs of a tile lie in bands by how far apart their grains were at the rebuild, those that go to the ring and those whose slots are kept
+/// each: of a band that is still too far apart to touch, nothing is computed.
 inline constexpr int n_bands = 5;
+using BandBegins = std::array<std::int64_t, n_bands - 1>;  // of all but the nearest
 
 struct Tile {
   std::int32_t grain_begin = 0, grain_end = 0;
-  std::int64_t ring_begin = 0;                         // pairs of the tile: first those whose slots go to the ring ...
-  std::array<std::int64_t, n_bands - 1> band_begin{};  // (the nearest band begins at ring_begin)
-  std::int64_t kept_begin = 0;                         // ... then those whose slots are kept
+  std::int64_t ring_begin = 0;  // pairs of the tile: first those whose slots go to the ring ...
+  BandBegins ring_bands{};      // (the nearest band begins at ring_begin)
+  std::int64_t kept_begin = 0;  // ... then those whose slots are kept
+  BandBegins kept_bands{};
   std::int64_t pair_end = 0;
   std::uint32_t kept_slot = 0;                    // slot of the pair at kept_begin
   std::int64_t plain_begin = -1, plain_end = -1;  // grains that are not deferred, in ThreadPairs::plain; -1: all are
@@ -171,8 +173,9 @@ class PairList {
   std::vector<ThreadPairs>& threads() { return threads_; }
   const std::vector<ThreadPairs>& threads() const { return threads_; }
   double* kept_slots() { return kept_.data(); }
-  /// Pairs of the tile from here to kept_begin cannot touch as long as no grain has moved further than `travelled` [m] since the rebuild.
-  std::int64_t far_begin(const Tile& tile, double travelled) const;
+  /// Pairs of the bands from here to `end` cannot touch as long as the grains of no pair have come nearer than by `approach` [m] since the
+  /// rebuild. A kept slot of theirs is zero until they are swept for the first time.
+  std::int64_t far_begin(const BandBegins& bands, std::int64_t end, double approach) const;
   /// Number of pairs in the list.
   std::int64_t size() const;
   std::size_t memory() const;

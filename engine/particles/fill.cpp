@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -14,8 +15,10 @@
 #include "engine/particles/lattice.hpp"
 #include "engine/particles/pack.hpp"
 #include "engine/particles/pack_occupied.hpp"
+#include "engine/particles/parcel.hpp"
 #include "engine/particles/sizes.hpp"
 #include "engine/scene/lists.hpp"
+#include "engine/threads.hpp"
 #include "kernels/base/exact_sum.hpp"
 #include "kernels/base/random.hpp"
 #include "kernels/base/sphere.hpp"
@@ -32,8 +35,36 @@ struct Birth {
   const ParticleGroup& group;
   std::string key;             // of the group in the scene, for messages
   std::uint64_t first_number;  // of its first grain, counted over all groups
-  const World& world;          // whose ranks share the lists, where they do
+  const World& world;          // whose ranks share the grains
 };
+
+/// This rank's grains of a group, or of all so far, ascending by their numbers over all groups.
+struct Share {
+  std::vector<GrainSeed> seeds;
+  std::vector<std::uint64_t> numbers;
+};
+/// The same before they have a material and velocities.
+struct BareShare {
+  std::vector<PackGrain> grains;
+  std::vector<std::uint64_t> numbers;
+};
+
+/// Calls f, which may throw SceneError on any rank; the first one's is thrown on all. All ranks call it.
+template <typename Function>
+void agree(const World& world, Function f) {
+  if (world.is_alone()) return f();
+  std::string problem;
+  try {
+    f();
+  } catch (const SceneError& error) {
+    problem = error.what();
+  }
+  const std::vector<std::uint64_t> has_problem = world.gather(std::uint64_t{!problem.empty()});
+  const auto first = std::find(has_problem.begin(), has_problem.end(), 1);
+  if (first == has_problem.end()) return;
+  world.broadcast(problem, static_cast<int>(first - has_problem.begin()));
+  throw SceneError({Problem{"", problem}});
+}
 
 [[noreturn]] void fail(const Birth& birth, const std::string& part, const std::string& message) {
   throw SceneError({Problem{birth.key + part, message}});
@@ -58,45 +89,78 @@ double draw_radius(const Birth& birth, const DiameterSampler& diameter, std::uin
   return 0.5 * diameter(random_uniform(birth.group.seed, birth.first_number + i, RandomPurpose::radius));
 }
 
-/// The radii of a random fill: as many as asked, or until the volume asked for is reached as closely as it can be.
-std::vector<double> draw_radii(const Birth& birth, const RandomFill& fill, double region_volume) {
+/// Calls f(radius) for the grains of a random fill: as many as asked, or until the volume asked for is reached as closely as it can be.
+template <typename Function>
+void draw_radii(const Birth& birth, const RandomFill& fill, double region_volume, Function f) {
   if (fill.count.has_value() == fill.solid_fraction.has_value())
     fail(birth, ".fill", "give either `count` or `solid_fraction`");
   const DiameterSampler diameter = sampler_of(birth);
-  std::vector<double> radii;
   if (fill.count) {
     if (*fill.count < 0) fail(birth, ".fill.count", "must not be negative");
-    for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(*fill.count); ++i)
-      radii.push_back(draw_radius(birth, diameter, i));
-    return radii;
+    for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(*fill.count); ++i) f(draw_radius(birth, diameter, i));
+    return;
   }
   if (!(*fill.solid_fraction >= 0.0 && *fill.solid_fraction < 1.0))
     fail(birth, ".fill.solid_fraction", fmt::format("{:g} must lie between 0 and 1", *fill.solid_fraction));
   const double wanted = *fill.solid_fraction * region_volume;
   double sum = 0.0;
-  while (true) {
-    const double radius = draw_radius(birth, diameter, radii.size());
-    if (sum + 0.5 * sphere_volume(radius) > wanted) return radii;
+  for (std::uint64_t i = 0;; ++i) {
+    const double radius = draw_radius(birth, diameter, i);
+    if (sum + 0.5 * sphere_volume(radius) > wanted) return;
     sum += sphere_volume(radius);
-    if (radii.size() == std::size_t{1} << 31) fail(birth, ".fill", "a group cannot hold more than 2147483648 grains");
-    radii.push_back(radius);
+    if (i == std::uint64_t{1} << 31) fail(birth, ".fill", "a group cannot hold more than 2147483648 grains");
+    f(radius);
   }
 }
 
-/// The grains born so far that may come near a region.
-std::vector<PackGrain> grains_near(const std::vector<GrainSeed>& seeds, const Container& container, double reach) {
-  std::vector<PackGrain> near;
-  const PackSpace& space = container.space();
-  const Box& extent = container.extent();
-  const Vec3 middle = 0.5 * (extent.low + extent.high);
-  for (const GrainSeed& seed : seeds) {
-    const Vec3 d = space.difference(seed.position, middle);
-    bool is_near = true;
-    for (int k = 0; k < 3; ++k)
-      is_near = is_near && std::abs(d[k]) <= 0.5 * (extent.high[k] - extent.low[k]) + seed.radius + reach;
-    if (is_near) near.push_back({seed.position, seed.radius});
+/// The box in which grains may touch what lies in another, for reach [m]: at most so far from surface to centre.
+Box widened(Box box, double reach) {
+  box.low -= Vec3{reach, reach, reach};
+  box.high += Vec3{reach, reach, reach};
+  return box;
+}
+
+/// The grains born so far, on whatever rank, that reach into the box that this rank asks for, in order of birth. All ranks
+/// call it; who asks for nothing gives Box::empty().
+std::vector<PackGrain> grains_near(const World& world, const Share& born, const PackSpace& space, const Box& box) {
+  struct Numbered {
+    PackGrain grain;
+    std::uint64_t number;
+  };
+  std::vector<Parcel> parcels;
+  const std::array<double, 6> own = {box.low.x, box.low.y, box.low.z, box.high.x, box.high.y, box.high.z};
+  const std::vector<double> boxes = world.gather(std::span<const double>(own));
+  std::vector<Numbered> near;
+  for (int rank = 0; rank < world.size(); ++rank) {
+    const double* const b = boxes.data() + 6 * static_cast<std::ptrdiff_t>(rank);
+    if (!(b[0] <= b[3])) continue;
+    const Vec3 low{b[0], b[1], b[2]}, high{b[3], b[4], b[5]}, middle = 0.5 * (low + high);
+    std::vector<Numbered> wanted;
+    for (std::size_t i = 0; i < born.seeds.size(); ++i) {
+      const GrainSeed& seed = born.seeds[i];
+      const Vec3 d = space.difference(seed.position, middle);
+      bool is_near = true;
+      for (int k = 0; k < 3; ++k) is_near = is_near && std::abs(d[k]) <= 0.5 * (high[k] - low[k]) + seed.radius;
+      if (is_near) wanted.push_back({{seed.position, seed.radius}, born.numbers[i]});
+    }
+    if (rank == world.rank()) {
+      near = std::move(wanted);
+    } else if (!wanted.empty()) {
+      ParcelWriter parcel;
+      parcel.put_all(std::span<const Numbered>(wanted));
+      parcels.push_back({rank, parcel.take()});
+    }
   }
-  return near;
+  if (!world.is_alone())
+    for (const Parcel& parcel : world.exchange(std::move(parcels))) {
+      const std::size_t n = near.size();
+      near.resize(n + parcel.bytes.size() / sizeof(Numbered));
+      ParcelReader(parcel.bytes).get_all(std::span(near).subspan(n));
+    }
+  std::sort(near.begin(), near.end(), [](const Numbered& a, const Numbered& b) { return a.number < b.number; });
+  std::vector<PackGrain> grains;
+  for (const Numbered& one : near) grains.push_back(one.grain);
+  return grains;
 }
 
 double total_volume(std::span<const PackGrain> grains) {
@@ -148,11 +212,10 @@ struct Mixture {
            mixture.grains.size(), asked, others, describe(container.region()), asked * scale * scale * scale));
 }
 
-void pack(Mixture& mixture, const Container& container, const std::vector<GrainSeed>& born, int n_threads) {
+void pack(Mixture& mixture, const Container& container, std::span<const PackGrain> fixed, int n_threads) {
   const Birth& first = mixture.births[0];
   std::uint64_t seed = first.group.seed;
   for (const Birth& birth : mixture.births.subspan(1)) seed = mix64(seed) ^ birth.group.seed;
-  const std::vector<PackGrain> fixed = grains_near(born, container, 1.1 * mixture.largest);
   const PackProblem problem{container, fixed, seed, first.first_number, n_threads};
   if (crowding(container, mixture.grains) <= loosest_relaxed && pack_sequentially(problem, mixture.grains)) return;
   const Relaxation relaxation = pack_by_relaxation(problem, mixture.grains);
@@ -168,30 +231,91 @@ std::string describe_part(const Mixture& mixture, std::size_t part, const Contai
 
 const RandomFill& random_fill(const Birth& birth) { return std::get<RandomFill>(birth.group.fill); }
 
-/// Draws the sizes of each group in turn, and packs them all.
-Mixture fill_randomly(std::vector<Birth>& births, const std::vector<GrainSeed>& born, int n_threads,
-                      std::vector<std::string>& notes) {
-  const Container container(births[0].scene, random_fill(births[0]).region);
-  const double region_volume = volume(container.region());
-  if (!(region_volume > 0.0)) fail(births[0], ".fill", "the region has no volume inside the domain");
-  Mixture mixture;
-  mixture.births = births;
+/// Draws the sizes of each group in turn.
+void draw_mixture(Mixture& mixture, std::span<Birth> births, const Container& container) {
   for (Birth& birth : births) {
     birth.first_number = births[0].first_number + mixture.grains.size();
-    for (const double radius : draw_radii(birth, random_fill(birth), region_volume)) {
+    draw_radii(birth, random_fill(birth), volume(container.region()), [&](double radius) {
       mixture.grains.push_back({container.extent().low, radius});
       mixture.largest = std::max(mixture.largest, radius);
-    }
+    });
     check_largest(birth, container, mixture.largest);
     mixture.ends.push_back(mixture.grains.size());
   }
-  pack(mixture, container, born, n_threads);
-  for (std::size_t part = 0; part < births.size(); ++part) notes.push_back(describe_part(mixture, part, container));
-  return mixture;
 }
 
-std::vector<PackGrain> fill_lattice(const Birth& birth, const LatticeFill& fill, const std::vector<GrainSeed>& born,
-                                    std::string& note) {
+/// What the root has packed, dealt out: of each group every rank gets as many, in order of rank. Some at a time, so that the root does
+/// not hold them twice.
+std::vector<BareShare> deal_out(const std::vector<Birth>& births, Mixture& mixture) {
+  const World& world = births[0].world;
+  mixture.ends.resize(births.size());
+  std::vector<std::uint64_t> ends(mixture.ends.begin(), mixture.ends.end());
+  world.max(ends);
+  std::vector<BareShare> shares(births.size());
+  std::uint64_t begin = 0;
+  for (std::size_t part = 0; part < births.size(); ++part) {
+    const auto n = static_cast<std::int64_t>(ends[part] - begin);
+    BareShare& own = shares[part];
+    const auto rows_of = [&](int rank) { return share_of(n, rank, world.size()); };
+    for (std::int64_t i = rows_of(world.rank()).begin; i < rows_of(world.rank()).end; ++i)
+      own.numbers.push_back(births[0].first_number + begin + static_cast<std::uint64_t>(i));
+    own.grains.reserve(own.numbers.size());
+    constexpr std::int64_t at_a_time = 1 << 20;
+    for (std::int64_t first = 0; first < n; first += at_a_time) {
+      std::vector<Parcel> parcels;
+      for (int rank = 0; rank < world.size() && world.is_root(); ++rank) {
+        const Range rows = {std::max(rows_of(rank).begin, first), std::min(rows_of(rank).end, first + at_a_time)};
+        if (rows.empty()) continue;
+        const PackGrain* const from = mixture.grains.data() + begin + rows.begin;
+        if (rank == world.rank()) {
+          own.grains.insert(own.grains.end(), from, from + rows.size());
+          continue;
+        }
+        ParcelWriter parcel;
+        parcel.put_all(std::span(from, static_cast<std::size_t>(rows.size())));
+        parcels.push_back({rank, parcel.take()});
+      }
+      if (world.is_alone()) continue;
+      for (const Parcel& parcel : world.exchange(std::move(parcels))) {
+        const std::size_t had = own.grains.size();
+        own.grains.resize(had + parcel.bytes.size() / sizeof(PackGrain));
+        ParcelReader(parcel.bytes).get_all(std::span(own.grains).subspan(had));
+      }
+    }
+    begin = ends[part];
+  }
+  std::vector<PackGrain>().swap(mixture.grains);
+  return shares;
+}
+
+/// Packs the grains of all groups together, at the root: every grain's place hangs on those of all others. Only the root holds them all,
+/// as bare spheres and only until they are dealt out.
+std::vector<BareShare> fill_randomly(std::vector<Birth>& births, const Share& born, int n_threads,
+                                     std::vector<std::string>& notes) {
+  const World& world = births[0].world;
+  const Container container(births[0].scene, random_fill(births[0]).region);
+  if (!(volume(container.region()) > 0.0)) fail(births[0], ".fill", "the region has no volume inside the domain");
+  Mixture mixture;
+  mixture.births = births;
+  agree(world, [&] {
+    if (world.is_root()) draw_mixture(mixture, births, container);
+  });
+  std::vector<PackGrain> fixed;
+  if (births[0].first_number > 0)
+    fixed = grains_near(world, born, container.space(),
+                        world.is_root() ? widened(container.extent(), 1.1 * mixture.largest) : Box::empty());
+  agree(world, [&] {
+    if (world.is_root()) pack(mixture, container, fixed, n_threads);
+  });
+  for (std::size_t part = 0; part < births.size(); ++part)
+    notes.push_back(world.is_root() ? describe_part(mixture, part, container) : "");
+  return deal_out(births, mixture);
+}
+
+/// Each rank looks after some rows of the lattice. Sites are numbered along all rows, and what a grain is by chance goes by the number
+/// of its site; grains by those sites that are free.
+BareShare fill_lattice(const Birth& birth, const LatticeFill& fill, const Share& born, std::string& note) {
+  const World& world = birth.world;
   const Container container(birth.scene, fill.region);
   const DiameterSampler diameter = sampler_of(birth);
   check_largest(birth, container, 0.5 * diameter.largest());
@@ -199,67 +323,86 @@ std::vector<PackGrain> fill_lattice(const Birth& birth, const LatticeFill& fill,
   if (spacing < diameter.largest())
     fail(birth, ".fill.spacing",
          fmt::format("{:g} m is less than the largest diameter, {:g} m", spacing, diameter.largest()));
-  const std::vector<Vec3> sites = lattice_sites(container, fill.kind, spacing, 0.5 * diameter.largest());
+  const LatticeRows rows(container, fill.kind, spacing, 0.5 * diameter.largest());
+  const Range own_rows = share_of(rows.size(), world.rank(), world.size());
+  std::uint64_t n_sites = 0;
+  Box around = Box::empty();
+  rows.for_each_site(own_rows, [&](Vec3 site) {
+    ++n_sites;
+    around.include(site);
+  });
+  const std::uint64_t first_site = world.sum_before(n_sites);
 
-  const std::vector<PackGrain> fixed = grains_near(born, container, diameter.largest());
+  std::vector<PackGrain> fixed;
+  if (birth.first_number > 0)
+    fixed =
+        grains_near(world, born, container.space(), n_sites > 0 ? widened(around, diameter.largest()) : Box::empty());
   std::vector<double> radii;
   for (const PackGrain& grain : fixed) radii.push_back(grain.radius);
   OccupiedSpace occupied(container.space(), container.extent(), radii);
   for (const PackGrain& grain : fixed) occupied.insert(grain);
 
   const double play = 0.5 * std::clamp(fill.jitter, 0.0, 1.0) * (spacing - diameter.largest());
-  const auto wanted = static_cast<std::size_t>(fill.count.value_or(static_cast<std::int64_t>(sites.size())));
-  std::vector<PackGrain> grains;
-  std::size_t n_taken = 0;
-  for (const Vec3 site : sites) {
-    if (grains.size() == wanted) break;
-    const std::uint64_t i = grains.size();
+  BareShare share;
+  share.grains.reserve(n_sites);
+  std::uint64_t next_site = first_site;
+  rows.for_each_site(own_rows, [&](Vec3 site) {
+    const std::uint64_t i = next_site++;
     PackGrain grain{site, draw_radius(birth, diameter, i)};
     const Vec3 moved =
         site + play * random_in_ball(birth.group.seed, birth.first_number + i, container.space().is_flat);
     if (play > 0.0 && container.fits(moved, grain.radius)) grain.position = container.space().wrapped(moved);
-    if (!fixed.empty() && occupied.overlaps(grain))
-      ++n_taken;
-    else
-      grains.push_back(grain);
+    if (fixed.empty() || !occupied.overlaps(grain)) share.grains.push_back(grain);
+  });
+
+  const std::uint64_t first = world.sum_before(share.grains.size());
+  std::array<std::uint64_t, 2> all = {share.grains.size(), n_sites};
+  world.sum(all);
+  auto n_grains = all[0];
+  if (fill.count) {
+    const auto wanted = static_cast<std::uint64_t>(std::max<std::int64_t>(0, *fill.count));
+    if (n_grains < wanted)
+      fail(birth, ".fill.count",
+           fmt::format("{} grains asked, but the lattice has only {} free sites in {}", wanted, n_grains,
+                       describe(container.region())));
+    n_grains = wanted;
+    share.grains.resize(std::min<std::uint64_t>(share.grains.size(), wanted > first ? wanted - first : 0));
   }
-  if (fill.count && grains.size() < wanted)
-    fail(birth, ".fill.count",
-         fmt::format("{} grains asked, but the lattice has only {} free sites in {}", wanted, grains.size(),
-                     describe(container.region())));
+  share.numbers.reserve(share.grains.size());
+  for (std::uint64_t i = 0; i < share.grains.size(); ++i) share.numbers.push_back(birth.first_number + first + i);
   note =
-      fmt::format("{} grains on a {} lattice of spacing {:g} m in {}", grains.size(),
+      fmt::format("{} grains on a {} lattice of spacing {:g} m in {}", n_grains,
                   fill.kind == LatticeFill::Kind::cubic ? "cubic" : "hexagonal", spacing, describe(container.region()));
-  if (n_taken > 0) note += fmt::format("; {} sites left out where other grains are", n_taken);
-  return grains;
+  if (all[1] > all[0]) note += fmt::format("; {} sites left out where other grains are", all[1] - all[0]);
+  return share;
 }
 
 /// Velocities around the group's own: normal deviations, less their mass-weighted mean, so that the group's momentum is
 /// exactly its mass times the velocity asked for. (Their variance is therefore smaller by a factor 1 - 1/N.)
-/// `share`: the rank's part of the group.
-void give_velocities(const Birth& birth, std::span<GrainSeed> grains, const ListShare& share = {}) {
+/// The ranks of `world` share the group.
+void give_velocities(const Birth& birth, Share& share, const World& world) {
   const ParticleGroup& group = birth.group;
-  for (GrainSeed& grain : grains) grain.velocity = group.velocity;
+  for (GrainSeed& grain : share.seeds) grain.velocity = group.velocity;
   if (!(group.velocity_deviation > 0.0)) return;
   const int dimensions = birth.scene.domain.dimensions;
   ExactSum3 momentum;
   ExactSum mass;
-  for (std::size_t i = 0; i < grains.size(); ++i) {
+  for (std::size_t i = 0; i < share.seeds.size(); ++i) {
+    GrainSeed& grain = share.seeds[i];
     Vec3 deviation;
     for (int k = 0; k < dimensions; ++k)
-      deviation[k] = group.velocity_deviation * random_normal(group.seed, birth.first_number + share.row(i),
-                                                              RandomPurpose::velocity, static_cast<std::uint64_t>(k));
-    const double m = birth.scene.materials[grains[i].material].density * sphere_volume(grains[i].radius);
-    grains[i].velocity += deviation;
+      deviation[k] = group.velocity_deviation * random_normal(group.seed, share.numbers[i], RandomPurpose::velocity,
+                                                              static_cast<std::uint64_t>(k));
+    const double m = birth.scene.materials[grain.material].density * sphere_volume(grain.radius);
+    grain.velocity += deviation;
     momentum.add(m * deviation);
     mass.add(m);
   }
-  const World world = share.n_ranks > 1 ? birth.world : World();
   const double total_mass = total(world, mass);
   if (!(total_mass > 0.0)) return;
   const Vec3 total_momentum{total(world, momentum.x), total(world, momentum.y), total(world, momentum.z)};
   const Vec3 mean = total_momentum / total_mass;
-  for (GrainSeed& grain : grains) grain.velocity -= mean;
+  for (GrainSeed& grain : share.seeds) grain.velocity -= mean;
 }
 
 /// Brings a listed grain into the domain where that is periodic; false where it lies outside for good.
@@ -273,8 +416,8 @@ bool bring_inside(const Domain& domain, Vec3& position) {
   return true;
 }
 
-std::vector<GrainSeed> list_grains(const Birth& birth, const ListedGrains& list, std::string& note) {
-  std::vector<GrainSeed> grains = list.grains;
+void check_listed(const Birth& birth, const ListedGrains& list, Share& share) {
+  std::vector<GrainSeed>& grains = share.seeds;
   const std::string where = list.source.empty() ? "" : fmt::format(" of {}", list.source);
   const std::optional<DiameterSampler> diameter =
       list.has_radius ? std::nullopt : std::optional<DiameterSampler>(sampler_of(birth));
@@ -297,20 +440,31 @@ std::vector<GrainSeed> list_grains(const Birth& birth, const ListedGrains& list,
                        birth.scene.materials.size()));
     if (!list.has_velocity) grain.angular_velocity = birth.group.angular_velocity;
   }
-  if (!list.has_velocity) give_velocities(birth, grains, list.share);
-  note = fmt::format("{} grains{}", facts_of(list).n_grains,
-                     list.source.empty() ? " listed in the scene" : " from " + list.source);
-  return grains;
 }
 
-std::vector<GrainSeed> clothe(const Birth& birth, std::span<const PackGrain> bare) {
+/// Where the list is scattered, all ranks have rows of it; else the root has all.
+Share list_grains(const Birth& birth, const ListedGrains& list, std::string& note) {
+  const bool is_scattered = list.share.n_ranks > 1;
+  Share share;
+  if (is_scattered || birth.world.is_root()) share.seeds = list.grains;
+  for (std::size_t i = 0; i < share.seeds.size(); ++i) share.numbers.push_back(birth.first_number + list.share.row(i));
+  agree(birth.world, [&] { check_listed(birth, list, share); });
+  if (!list.has_velocity) give_velocities(birth, share, is_scattered ? birth.world : World());
+  note = fmt::format("{} grains{}", facts_of(list).n_grains,
+                     list.source.empty() ? " listed in the scene" : " from " + list.source);
+  return share;
+}
+
+Share clothe(const Birth& birth, BareShare bare) {
   const std::uint16_t material = material_of(birth);
-  std::vector<GrainSeed> grains;
-  grains.reserve(bare.size());
-  for (const PackGrain& grain : bare)
-    grains.push_back({grain.position, {}, birth.group.angular_velocity, grain.radius, material});
-  give_velocities(birth, grains);
-  return grains;
+  Share share;
+  share.numbers = std::move(bare.numbers);
+  share.seeds.reserve(bare.grains.size());
+  for (const PackGrain& grain : bare.grains)
+    share.seeds.push_back({grain.position, {}, birth.group.angular_velocity, grain.radius, material});
+  std::vector<PackGrain>().swap(bare.grains);
+  give_velocities(birth, share, birth.world);
+  return share;
 }
 
 /// Beyond so many grains a rough number will do for what counts them: counting takes the memory that the grains take.
@@ -334,7 +488,10 @@ std::int64_t count_group(const Birth& birth) {
     const double density = lattice->kind == LatticeFill::Kind::hexagonal ? std::numbers::sqrt2 : 1.0;
     const double rough = density * volume(container.region()) / (spacing * spacing * spacing);
     if (!container.space().is_flat && rough > worth_counting) return static_cast<std::int64_t>(std::min(rough, 1e15));
-    return static_cast<std::int64_t>(lattice_sites(container, lattice->kind, spacing, 0.5 * largest).size());
+    const LatticeRows rows(container, lattice->kind, spacing, 0.5 * largest);
+    std::int64_t n_sites = 0;
+    rows.for_each_site({0, rows.size()}, [&](Vec3) { ++n_sites; });
+    return n_sites;
   }
   const auto& fill = std::get<RandomFill>(birth.group.fill);
   const Container container(birth.scene, fill.region);
@@ -342,7 +499,9 @@ std::int64_t count_group(const Birth& birth) {
   const double rough =
       fill.solid_fraction.value_or(0.0) * volume(container.region()) / mean_sphere_volume(sampler_of(birth));
   if (rough > worth_counting) return static_cast<std::int64_t>(std::min(rough, 1e15));
-  return static_cast<std::int64_t>(draw_radii(birth, fill, volume(container.region())).size());
+  std::int64_t n_grains = 0;
+  draw_radii(birth, fill, volume(container.region()), [&](double) { ++n_grains; });
+  return n_grains;
 }
 
 std::string group_key(std::size_t index) { return fmt::format("particles[{}]", index); }
@@ -365,54 +524,55 @@ std::vector<Birth> next_births(const Scene& scene, std::size_t first, std::uint6
   return births;
 }
 
-std::vector<GrainSeed> bear(std::vector<Birth>& births, const std::vector<GrainSeed>& born, int n_threads,
-                            std::vector<std::string>& notes) {
+void append(Share& all, Share part) {
+  if (all.seeds.empty()) {  // the usual scene has one group, and may have millions of grains
+    all = std::move(part);
+    return;
+  }
+  all.seeds.insert(all.seeds.end(), part.seeds.begin(), part.seeds.end());
+  all.numbers.insert(all.numbers.end(), part.numbers.begin(), part.numbers.end());
+}
+
+Share bear(std::vector<Birth>& births, const Share& born, int n_threads, std::vector<std::string>& notes) {
   const Birth& first = births[0];
   if (const auto* list = std::get_if<ListedGrains>(&first.group.fill))
     return list_grains(first, *list, notes.emplace_back());
   if (const auto* lattice = std::get_if<LatticeFill>(&first.group.fill))
     return clothe(first, fill_lattice(first, *lattice, born, notes.emplace_back()));
-  const Mixture mixture = fill_randomly(births, born, n_threads, notes);
-  std::vector<GrainSeed> grains;
-  for (std::size_t part = 0; part < births.size(); ++part) {
-    const std::span<const PackGrain> bare(mixture.grains.data() + grains.size(), mixture.ends[part] - grains.size());
-    const std::vector<GrainSeed> clothed = clothe(births[part], bare);
-    grains.insert(grains.end(), clothed.begin(), clothed.end());
-  }
-  return grains;
+  std::vector<BareShare> parts = fill_randomly(births, born, n_threads, notes);
+  Share all;
+  for (std::size_t part = 0; part < births.size(); ++part) append(all, clothe(births[part], std::move(parts[part])));
+  return all;
+}
+
+/// Of all ranks.
+std::uint64_t number_of(const World& world, const ParticleGroup& group, const Share& newborn) {
+  if (const auto* const list = std::get_if<ListedGrains>(&group.fill)) return facts_of(*list).n_grains;
+  std::uint64_t n = newborn.seeds.size();
+  world.sum(std::span(&n, 1));
+  return n;
 }
 
 }  // namespace
 
-std::vector<GrainSeed> make_grains(const Scene& scene, int n_threads, FillReport* report, const World& world) {
-  std::vector<GrainSeed> grains;
+DealtGrains deal_grains(const Scene& scene, int n_threads, const World& world, FillReport* report) {
+  Share grains;
   std::uint64_t first_number = 0;
   for (std::size_t i = 0; i < scene.particles.size();) {
     std::vector<Birth> births = next_births(scene, i, first_number, world);
     std::vector<std::string> notes;
-    std::vector<GrainSeed> newborn = bear(births, grains, n_threads, notes);
-    const auto* const list = std::get_if<ListedGrains>(&scene.particles[i].fill);
-    first_number += list ? facts_of(*list).n_grains : newborn.size();
-    if (grains.empty())
-      grains = std::move(newborn);  // the usual scene has one group, and may have millions of grains
-    else
-      grains.insert(grains.end(), newborn.begin(), newborn.end());
+    Share newborn = bear(births, grains, n_threads, notes);
+    first_number += number_of(world, scene.particles[i], newborn);
+    append(grains, std::move(newborn));
     for (std::size_t k = 0; report && k < births.size(); ++k)
       report->text += fmt::format("{}: {}\n", births[k].key, notes[k]);
     i += births.size();
   }
-  return grains;
+  return {std::move(grains.seeds), std::move(grains.numbers)};
 }
 
-std::vector<std::uint64_t> listed_gids(const Scene& scene) {
-  std::vector<std::uint64_t> gids;
-  std::uint64_t first = 0;
-  for (const ParticleGroup& group : scene.particles) {
-    const auto& list = std::get<ListedGrains>(group.fill);
-    for (std::size_t i = 0; i < list.grains.size(); ++i) gids.push_back(first + list.share.row(i));
-    first += facts_of(list).n_grains;
-  }
-  return gids;
+std::vector<GrainSeed> make_grains(const Scene& scene, int n_threads, FillReport* report) {
+  return deal_grains(scene, n_threads, World(), report).seeds;
 }
 
 std::int64_t count_grains(const Scene& scene) {

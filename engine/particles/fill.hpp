@@ -23,13 +23,18 @@ struct FillReport {
 /// - A solid fraction is met as closely as whole grains can. Two-dimensional grains lie in the middle of the domain's depth.
 /// - Velocity deviations are normal and sum up to no momentum: each group has its mass times its velocity, to round-off.
 /// - Listed grains keep their places (brought into the domain where it is periodic). They take the group's material unless
-///   that is empty, and the group's velocities unless the list has them. Where the lists are scattered over the
-///   ranks of `world`, all ranks call it, and each gets the grains of its share.
-std::vector<GrainSeed> make_grains(const Scene& scene, int n_threads, FillReport* report = nullptr,
-                                   const World& world = {});
+///   that is empty, and the group's velocities unless the list has them.
+std::vector<GrainSeed> make_grains(const Scene& scene, int n_threads, FillReport* report = nullptr);
 
-/// The gids of the grains that make_grains gives for a scene of nothing but lists: their numbers over all lists.
-std::vector<std::uint64_t> listed_gids(const Scene& scene);
+/// A rank's share of the grains, ascending by gid (the place in the order of birth).
+struct DealtGrains {
+  std::vector<GrainSeed> seeds;
+  std::vector<std::uint64_t> gids;
+};
+/// The grains of make_grains, shared by ranks, wherever in space they belong; no rank holds them all. Of lattices each rank makes some
+/// rows, lists are read so (or the root has them), and random fills are packed by the root, as bare spheres, and dealt out. The same grains
+/// on any number of ranks. All ranks call it, and all throw where one does.
+DealtGrains deal_grains(const Scene& scene, int n_threads, const World& world, FillReport* report = nullptr);
 
 /// How many grains make_grains will give, without placing them. Exact, but that a lattice without a count may lose sites to
 /// earlier groups. Throws SceneError.

@@ -6,18 +6,10 @@
 #include "kernels/base/random.hpp"
 
 namespace moraine {
-namespace {
-
-/// Evenly spaced places along one axis.
-struct Ladder {
-  double first = 0.0;  // [m]
-  double step = 0.0;   // [m]
-  int n = 0;
-};
-
 /// Places `step` apart between low and high, `margin` away from either end; around an endless axis, stretched to close
 /// after a multiple of `period` places.
-Ladder ladder(double low, double high, bool is_endless, double step, double margin, int period) {
+LatticeRows::Ladder LatticeRows::ladder(double low, double high, bool is_endless, double step, double margin,
+                                        int period) {
   const double rounding = 1e-9;
   if (is_endless) {
     const int n = static_cast<int>(std::floor((high - low) / step + rounding)) / period * period;
@@ -28,49 +20,30 @@ Ladder ladder(double low, double high, bool is_endless, double step, double marg
   return {low + margin, step, 1 + static_cast<int>(std::floor(std::max(room, 0.0) / step + rounding))};
 }
 
-struct Lattice {
-  Ladder x, y, z;
-  double row_shift = 0.0;  // along x, of every other row
-  Vec3 layer_shift;        // of every other layer
-};
-
-Lattice make_lattice(const Container& container, LatticeFill::Kind kind, double a, double radius) {
+LatticeRows::LatticeRows(const Container& container, LatticeFill::Kind kind, double spacing, double radius)
+    : container_(&container), fit_(radius * (1.0 - 1e-9)) {
   const Box& box = container.extent();
   const bool is_hexagonal = kind == LatticeFill::Kind::hexagonal;
   const int period = is_hexagonal ? 2 : 1;
-  const double row = is_hexagonal ? a * std::numbers::sqrt3 / 2.0 : a;
-  const double layer = is_hexagonal ? a * std::sqrt(2.0 / 3.0) : a;
-  Lattice lattice;
-  lattice.x = ladder(box.low.x, box.high.x, container.is_endless(0), a, radius, 1);
-  lattice.y = ladder(box.low.y, box.high.y, container.is_endless(1), row, radius, period);
-  lattice.z = container.space().is_flat ? Ladder{container.space().plane, 1.0, 1}
-                                        : ladder(box.low.z, box.high.z, container.is_endless(2), layer, radius, period);
+  const double row = is_hexagonal ? spacing * std::numbers::sqrt3 / 2.0 : spacing;
+  const double layer = is_hexagonal ? spacing * std::sqrt(2.0 / 3.0) : spacing;
+  x_ = ladder(box.low.x, box.high.x, container.is_endless(0), spacing, radius, 1);
+  y_ = ladder(box.low.y, box.high.y, container.is_endless(1), row, radius, period);
+  z_ = container.space().is_flat ? Ladder{container.space().plane, 1.0, 1}
+                                 : ladder(box.low.z, box.high.z, container.is_endless(2), layer, radius, period);
   if (is_hexagonal) {
     // Every sphere of a layer above the middle of a triangle: half a spacing along x, a third of a row's distance along
     // y.
-    lattice.row_shift = 0.5 * lattice.x.step;
-    lattice.layer_shift = {0.5 * lattice.x.step, lattice.y.step / 3.0, 0.0};
+    row_shift_ = 0.5 * x_.step;
+    layer_shift_ = {0.5 * x_.step, y_.step / 3.0, 0.0};
   }
-  return lattice;
 }
 
-}  // namespace
-
-std::vector<Vec3> lattice_sites(const Container& container, LatticeFill::Kind kind, double spacing, double radius) {
-  const Lattice lattice = make_lattice(container, kind, spacing, radius);
-  const double fit = radius * (1.0 - 1e-9);  // a site that just touches a face is one
-  std::vector<Vec3> sites;
-  for (int k = 0; k < lattice.z.n; ++k)
-    for (int j = 0; j < lattice.y.n; ++j)
-      for (int i = 0; i < lattice.x.n; ++i) {
-        Vec3 p{lattice.x.first + i * lattice.x.step, lattice.y.first + j * lattice.y.step,
-               lattice.z.first + k * lattice.z.step};
-        if (j % 2 == 1) p.x += lattice.row_shift;
-        if (k % 2 == 1) p += lattice.layer_shift;
-        p = container.space().wrapped(p);
-        if (container.fits(p, fit)) sites.push_back(p);
-      }
-  return sites;
+Vec3 LatticeRows::site(int i, int j, int k) const {
+  Vec3 p{x_.first + i * x_.step, y_.first + j * y_.step, z_.first + k * z_.step};
+  if (j % 2 == 1) p.x += row_shift_;
+  if (k % 2 == 1) p += layer_shift_;
+  return container_->space().wrapped(p);
 }
 
 Vec3 random_in_ball(std::uint64_t seed, std::uint64_t number, bool is_flat) {

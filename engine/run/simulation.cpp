@@ -183,6 +183,12 @@ struct Simulation::Parts {
   // Several ranks: when they look next at how far all have come, and what they divide.
   World world;
   std::uint64_t next_look = 0, last_surprise = 0, n_looks = 0;  // [steps]
+  std::uint64_t agreed_look = 0,
+                n_early_looks = 0;  // agreed: when they last looked; a rank in need calls for it earlier
+  int n_hops = 0;                   // steps that news takes from any rank to all others
+  double fastest_nearby = 0.0;      // [m/s] grain or wall of this rank and its neighbours
+  double speed_gained = 0.0;        // [m/s] by the fastest in the last step
+  double pull = 0.0;  // [m/s2] largest acceleration of a grain by gravity, gas and others, when the ranks last looked
   bool is_stop_wanted = false, is_stop_agreed = false;
   std::uint64_t n_cuts = 0;
 
@@ -229,8 +235,14 @@ struct Simulation::Parts {
   void advance_gas();
   StepPlan decide();
   bool look();
+  void look_at(std::uint64_t when);
+  void tell();
   double speed_gain() const;
+  void foresee();
   void check_travel();
+  void check_neighbours(double travelled_before);
+  [[noreturn]] void stop_for_stale_list();
+  void divide(Subdomains subdomains);
   double largest_travel() const;
   double largest_push() const;
   void rebuild(const Births& births = {});
@@ -291,10 +303,14 @@ void Simulation::Parts::cut(std::span<const float> weights) {
     }
   const double widest = moraine::widest_skin(scene, plan) + contacts->range();
   const bool is_even = scene.run.balance == Balance::off || scene.run.balance == Balance::threads;
-  contacts->set_subdomains(
-      is_even ? decompose_evenly(world, world.size(), scene, kind.largest_radius, widest)
-              : decompose(world, world.size(), positions, those_here, scene, kind.largest_radius, widest));
+  divide(is_even ? decompose_evenly(world, world.size(), scene, kind.largest_radius, widest)
+                 : decompose(world, world.size(), positions, those_here, scene, kind.largest_radius, widest));
   ++n_cuts;
+}
+
+void Simulation::Parts::divide(Subdomains subdomains) {
+  n_hops = subdomains.most_hops();
+  contacts->set_subdomains(std::move(subdomains));
 }
 
 /// Every eighth rebuild, and after some hundred steps in any case.
@@ -332,8 +348,7 @@ bool Simulation::Parts::balance() {
   bool moves_cuts = false;
   if (are_equal_boxes_forced) {
     are_equal_boxes_forced = false;
-    contacts->set_subdomains(
-        decompose_evenly(world, world.size(), scene, kind.largest_radius, moraine::widest_skin(scene, plan)));
+    divide(decompose_evenly(world, world.size(), scene, kind.largest_radius, moraine::widest_skin(scene, plan)));
   } else if (is_balance_due()) {
     const Balancer::Decision decision = balancer.look(measure());
     moves_cuts = decision.moves_cuts;
@@ -417,7 +432,7 @@ void Simulation::Parts::advance_gas() {
   gas->set_grain_threads(n_threads);
   gas->advance(particles, time());
   balancer.enter_grain_phases();
-  next_look = step;  // what was foreseen without knowing how the gas would push
+  look_at(step);  // what was foreseen without knowing how the gas would push
 }
 
 StepPlan Simulation::Parts::decide() {
@@ -425,13 +440,18 @@ StepPlan Simulation::Parts::decide() {
   todo.search_walls = walls.is_any_moving() && walls.wander() > allowed_wander();
   todo.rebuild = is_list_old || time() >= next_wall_change;
   if (todo.rebuild) return todo;
+  if (!world.is_alone()) next_look = std::min(next_look, contacts->ghosts().own().next_look);  // others may have called
   const bool looks = world.is_alone() ? travelled > allowed_travel() : step >= next_look;
   if (looks) start(Phase::look);
   if (!world.is_alone()) {
-    if (looks)
+    if (looks) {
+      n_early_looks += step < agreed_look ? 1 : 0;
       todo.rebuild = look();
-    else
-      check_travel();
+    } else {
+      foresee();
+      // Candidates are good for grains within half the skin.
+      todo.search_walls = todo.search_walls || (walls.is_any_moving() && travelled > allowed_travel());
+    }
   } else if (looks) {
     // The bound adds up the fastest grain of every step; where it is used up, look how far the grains have really come.
     travelled = largest_travel();
@@ -461,8 +481,8 @@ bool Simulation::Parts::look() {
   const double left = 0.95 * (allowed_travel() - most[0]);
   if (!(left > 0.0)) return true;
   // How many steps until that is used up: v n + g n (n + 1) / 2 = left, v and g in metres a step.
-  const double g = (length(scene.time.gravity) + most[3]) * dt * dt,
-               v = speed_gain() * (most[1] + wall_speed) * dt + 0.5 * g;
+  pull = length(scene.time.gravity) + most[3];
+  const double g = pull * dt * dt, v = speed_gain() * (most[1] + wall_speed) * dt + 0.5 * g;
   const double reach =
       std::floor(2.0 * left / (v + std::sqrt(v * v + 2.0 * g * left)));  // infinite where nothing moves
   if (reach < std::max(1.0, 0.125 * static_cast<double>(steps_since_rebuild))) return true;
@@ -470,17 +490,67 @@ bool Simulation::Parts::look() {
                           : gas      ? std::min<double>(64.0, static_cast<double>(gas->until_next(step)))
                                      : 64.0;
   const double n = std::min({furthest, 2.0 * static_cast<double>(step - last_surprise) + 1.0, reach});
-  next_look = step + static_cast<std::uint64_t>(n);
+  look_at(step + static_cast<std::uint64_t>(n));
   return false;
 }
 
-/// Between looks, a rank whose grains have come too far all the same must not go on.
+/// All ranks agree on it.
+void Simulation::Parts::look_at(std::uint64_t when) {
+  next_look = agreed_look = when;
+  tell();
+}
+
+void Simulation::Parts::tell() {
+  if (!world.is_alone()) contacts->tell({next_look, travelled, result.max_speed});
+}
+
+/// Between looks. What was foreseen at the last one holds unless grains have become faster than one collision makes them. Where
+/// they have, and this rank could not wait any longer, it calls the others to look early: the call goes with the messages of each step
+/// from neighbour to neighbour, and so all know of it in the step in which they look.
+void Simulation::Parts::foresee() {
+  // How far the furthest may come until the step before the earliest look that all can still be told of.
+  const double n = n_hops;
+  const double speed = std::max(speed_gain() * fastest_nearby, fastest_nearby + n * speed_gained);
+  const double ahead = n * dt * speed + 0.5 * n * (n + 1.0) * pull * dt * dt;
+  const std::uint64_t earliest = step + static_cast<std::uint64_t>(n_hops) + 1;
+  const auto is_time = [&] { return earliest < next_look && travelled + ahead > allowed_travel(); };
+  // Who is near a grain that is about to have come too far must know how far its own have come, not only a bound of it.
+  const double theirs = contacts->ghosts().heard().travelled, margin = dt * speed;
+  const bool is_asked =
+      theirs + margin > allowed_travel() && travelled + theirs + 2.0 * margin > 2.0 * allowed_travel();
+  if (is_time() || is_asked || travelled > allowed_travel()) {
+    travelled = largest_travel();
+    if (is_time()) next_look = earliest;
+    check_travel();
+  }
+  tell();
+}
+
+/// A grain further than half the skin from its place at the rebuild still meets nobody who is not in the list, as long as no
+/// other has come further than the rest of the skin.
 void Simulation::Parts::check_travel() {
   if (travelled <= allowed_travel()) return;
-  travelled = largest_travel();
-  if (travelled <= allowed_travel()) return;
+  double first = 0.0, second = 0.0;
+  for (std::int32_t i = 0; i < particles.size(); ++i) {
+    const double moved = squared_length(particles.position(i) - place_at_rebuild[static_cast<std::size_t>(i)]);
+    if (!(moved > second)) continue;  // also grains that have left
+    second = std::min(moved, first);
+    first = std::max(moved, first);
+  }
+  if (std::sqrt(first) + std::sqrt(second) <= 2.0 * allowed_travel() && contacts->ghosts().hears_all_near()) return;
+  stop_for_stale_list();
+}
+
+/// Other ranks' grains count as well; what they say of them comes with the messages of the step.
+void Simulation::Parts::check_neighbours(double travelled_before) {
+  const double heard = contacts->ghosts().heard().travelled;
+  const bool is_mine = travelled_before > allowed_travel() && travelled_before >= heard;  // one rank speaks
+  if (is_mine && travelled_before + heard > 2.0 * allowed_travel()) stop_for_stale_list();
+}
+
+void Simulation::Parts::stop_for_stale_list() {
   const std::int32_t fastest = fastest_grain(particles);
-  stop(explain_stale_list(guard_view(), travelled, skin),
+  stop(explain_stale_list(guard_view(), travelled, skin, n_hops),
        fastest < 0 ? std::vector<std::int32_t>() : std::vector{fastest});
 }
 
@@ -537,7 +607,7 @@ void Simulation::Parts::after_rebuild() {
       place_at_rebuild[static_cast<std::size_t>(i)] = particles.position(i);
   });
   if (world.is_alone()) return;
-  if (look()) next_look = step + 1;  // they are that fast
+  if (look()) look_at(step + 1);  // they are that fast
   count();
 }
 
@@ -573,7 +643,13 @@ void Simulation::Parts::advance() {
     for (std::ptrdiff_t i = 0; i < particles.size(); ++i) lost[4 * i] *= 0.5;
   }
   if (!force_maps.empty()) force_maps.add(contacts->triangle_forces());
+  if (!world.is_alone()) check_neighbours(travelled);
   travelled += result.max_speed * dt;
+  if (world.is_alone()) return;
+  const double fastest = std::max(result.max_speed, contacts->ghosts().heard().max_speed) + wall_speed;
+  speed_gained = std::max(0.0, fastest - std::exchange(fastest_nearby, fastest));
+  next_look = std::min(next_look, contacts->ghosts().own().next_look);
+  tell();
 }
 
 /// The outlet that takes the grain in this step, or -1.
@@ -841,15 +917,12 @@ EnergyLedger Simulation::Parts::energy() {
   return ledger;
 }
 
-/// Where the ranks share lists, each gives birth to its rows of them; else the first rank to all grains. The first
-/// rebuild hands them over to those that they belong to.
+/// Each rank gives birth to its share. The first rebuild hands them over to those that they belong to.
 void Simulation::Parts::bear_grains() {
   std::string problem;
   try {
-    if (is_scattered(scene))
-      put_grains(scene, make_grains(scene, n_threads, nullptr, world), listed_gids(scene), particles);
-    else if (world.is_root())
-      put_grains(scene, make_grains(scene, n_threads), particles);
+    const DealtGrains born = deal_grains(scene, n_threads, world);
+    put_grains(scene, born.seeds, born.gids, particles);
   } catch (const SceneError& error) {
     if (world.is_alone()) throw;
     problem = error.what();
@@ -1007,7 +1080,7 @@ void Simulation::forget_stop() { parts_->is_stop_wanted = parts_->is_stop_agreed
 void Simulation::set_body_force(BodyForce force) {
   Parts& p = *parts_;
   p.body_force = std::move(force);
-  p.next_look = p.step;
+  p.look_at(p.step);
   p.push.clear();
   p.contacts->set_push(nullptr);
 }
@@ -1045,6 +1118,7 @@ std::uint64_t Simulation::n_grains() const { return n_born() - n_left(); }
 std::uint64_t Simulation::n_rebuilds() const { return parts_->n_rebuilds; }
 std::uint64_t Simulation::n_wall_searches() const { return parts_->n_wall_searches; }
 std::uint64_t Simulation::n_looks() const { return parts_->n_looks; }
+std::uint64_t Simulation::n_early_looks() const { return parts_->n_early_looks; }
 std::vector<std::string> Simulation::take_notes() { return std::exchange(parts_->notes, {}); }
 double Simulation::memory() const {
   const Parts& p = *parts_;

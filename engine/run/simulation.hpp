@@ -101,6 +101,8 @@ class Simulation {
   std::uint64_t n_wall_searches() const;
   /// How often the ranks have looked how far all grains have come: the steps that are not rebuilds but have a reduction.
   std::uint64_t n_looks() const;
+  /// Of these, how many came earlier than agreed, because a rank had grains that nobody had foreseen so fast.
+  std::uint64_t n_early_looks() const;
   /// What happened since the last call that a user should know, in sentences; the same on all ranks.
   std::vector<std::string> take_notes();
   /// Bytes that grains, pairs, wall contacts and cells of this rank hold now.

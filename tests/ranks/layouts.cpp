@@ -277,6 +277,23 @@ TEST_CASE("a heavy ball that throws up light grains does so on all ranks alike")
   CHECK(trace::difference(alone, trace::record(simulation, n_steps, every)) == "");
 }
 
+TEST_CASE(
+    "grains that become faster than anybody foresaw make all ranks look early, however many ranks lie between, and no "
+    "bit "
+    "changes") {
+  const Scene scene = scenes::cannons();
+  const std::vector<trace::Moment> alone = run_alone(scene, 2 * every);
+  for (const int n_ranks : {2, 4, 8}) {
+    const std::optional<World> world = ranks::world().first(std::min(n_ranks, ranks::world().size()));
+    if (!world || world->is_alone()) continue;
+    INFO(n_ranks << " ranks");
+    Simulation simulation(scene, 1, *world);
+    CHECK(trace::difference(alone, trace::record(simulation, 2 * every, every)) == "");
+    CHECK(simulation.n_early_looks() > 0);
+    CHECK(simulation.n_early_looks() < simulation.n_looks() / 2);
+  }
+}
+
 TEST_CASE("what a projection counts for a number of ranks is what a run on them has") {
   const World& all = ranks::world();
   for (auto& [name, scene, n_steps] : scenes::all()) {

@@ -1,15 +1,20 @@
 // Lists of start positions that no rank holds whole: the same grains with the same gids, and the same errors, as alone.
 #include <fmt/format.h>
 #include <hdf5.h>
+#include <malloc.h>
 #include <zlib.h>
 
+#include <algorithm>
+#include <atomic>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <new>
 
+#include "engine/particles/fill.hpp"
 #include "engine/run/simulation.hpp"
 #include "io/scene_toml/scene_toml.hpp"
 #include "kernels/base/random.hpp"
@@ -18,6 +23,42 @@
 using namespace moraine;
 
 namespace {
+
+/// Bytes that new has given and not got back: now, and at most since the last start of counting.
+std::atomic<std::size_t> live{0}, peak{0};
+
+void* counted(std::size_t n) {
+  void* const memory = std::malloc(n);
+  if (!memory) throw std::bad_alloc();
+  const std::size_t now = live += malloc_usable_size(memory);
+  for (std::size_t most = peak; now > most && !peak.compare_exchange_weak(most, now);) {}
+  return memory;
+}
+
+void uncounted(void* memory) {
+  if (memory) live -= malloc_usable_size(memory);
+  std::free(memory);
+}
+
+}  // namespace
+
+void* operator new(std::size_t n) { return counted(n); }
+void* operator new[](std::size_t n) { return counted(n); }
+void operator delete(void* memory) noexcept { uncounted(memory); }
+void operator delete[](void* memory) noexcept { uncounted(memory); }
+void operator delete(void* memory, std::size_t) noexcept { uncounted(memory); }
+void operator delete[](void* memory, std::size_t) noexcept { uncounted(memory); }
+
+namespace {
+
+/// The most that f holds beyond what is there before [bytes].
+template <typename Function>
+std::size_t memory_of(Function f) {
+  const std::size_t before = live;
+  peak = before;
+  f();
+  return peak - before;
+}
 
 /// A directory that all ranks see; the first one writes.
 class Directory {
@@ -367,4 +408,139 @@ TEST_CASE("grains of different shares that overlap are told of on all ranks") {
   INFO(own);
   CHECK(own.find("overlap") != std::string::npos);
   CHECK(own.find("4500") != std::string::npos);
+}
+
+namespace {
+
+Scene empty_scene() {
+  const std::string group = "[[particles]]\nmaterial = \"glass\"\ndiameter = 0.01\nfill = { count = 0 }\n";
+  Scene scene = read_scene_text(head + group, "scene.toml");
+  scene.particles.clear();
+  return scene;
+}
+
+ParticleGroup filled(decltype(ParticleGroup::fill) fill, double low, double high, std::uint64_t seed) {
+  ParticleGroup group;
+  group.material = seed % 2 ? "glass" : "steel";
+  group.diameter.kind = SizeDistribution::Kind::uniform;
+  group.diameter.low = low;
+  group.diameter.high = high;
+  group.velocity_deviation = 0.3;
+  group.seed = seed;
+  group.fill = std::move(fill);
+  return group;
+}
+
+LatticeFill lattice(Box box, double spacing, LatticeFill::Kind kind = LatticeFill::Kind::cubic) {
+  LatticeFill fill;
+  fill.kind = kind;
+  fill.region = BoxRegion{box};
+  fill.spacing = spacing;
+  fill.jitter = 0.8;
+  return fill;
+}
+
+RandomFill random_fill(Box box, double fraction) {
+  RandomFill fill;
+  fill.region = BoxRegion{box};
+  fill.solid_fraction = fraction;
+  return fill;
+}
+
+/// What the ranks of `world` hold together is what one makes alone; returns this rank's number of grains.
+std::size_t check_dealt(const Scene& scene, const std::vector<GrainSeed>& whole, const World& world) {
+  const DealtGrains dealt = deal_grains(scene, 1, world);
+  REQUIRE(dealt.gids.size() == dealt.seeds.size());
+  for (std::size_t i = 0; i < dealt.gids.size(); ++i) {
+    REQUIRE(dealt.gids[i] < whole.size());
+    if (i > 0) REQUIRE(dealt.gids[i] > dealt.gids[i - 1]);
+    const GrainSeed &own = dealt.seeds[i], &expected = whole[dealt.gids[i]];
+    REQUIRE(own.position == expected.position);
+    REQUIRE(own.velocity == expected.velocity);
+    REQUIRE(own.radius == expected.radius);
+    REQUIRE(own.material == expected.material);
+  }
+  std::uint64_t n_all = dealt.seeds.size();
+  world.sum(std::span(&n_all, 1));
+  CHECK(n_all == whole.size());
+  return dealt.seeds.size();
+}
+
+}  // namespace
+
+TEST_CASE("fills of every kind, one into another, are dealt out as one rank makes them") {
+  Scene scene = empty_scene();
+  const Box box = scene.domain.box();
+  const Box lower{box.low, {0.3, 0.25, 0.1}}, middle{{0.05, 0.0, 0.06}, {0.3, 0.2, 0.16}};
+  ListedGrains boulders;
+  boulders.grains = {{{0.1, 0.1, 0.08}, {}, {}, 0.04, 0}, {{0.25, 0.1, 0.15}, {}, {}, 0.03, 1}};
+  boulders.has_radius = true;
+  ParticleGroup listed;
+  listed.fill = boulders;
+  LatticeFill few = lattice({{0.0, 0.0, 0.17}, {0.3, 0.25, 0.25}}, 0.011);
+  few.count = 700;
+  scene.particles = {listed,
+                     filled(lattice(lower, 0.0105), 0.008, 0.01, 1),
+                     filled(random_fill(middle, 0.1), 0.004, 0.006, 2),
+                     filled(random_fill(middle, 0.05), 0.002, 0.004, 3),
+                     filled(lattice(box, 0.009, LatticeFill::Kind::hexagonal), 0.004, 0.0085, 4),
+                     filled(few, 0.005, 0.006, 5),
+                     filled(random_fill({{0.0, 0.0, 0.2}, {0.3, 0.25, 0.25}}, 0.02), 0.003, 0.004, 6)};
+  const std::vector<GrainSeed> whole = make_grains(scene, 1);
+  CHECK(whole.size() > 5000);
+  const World& all = ranks::world();
+  for (int n = 1; n <= all.size(); ++n)
+    if (const std::optional<World> world = all.first(n)) {
+      INFO(n << " ranks");
+      const std::size_t n_own = check_dealt(scene, whole, *world);
+      CHECK(n_own < whole.size() / static_cast<std::size_t>(n) * 13 / 10 + 10);
+    }
+  Simulation alone(scene, 1), simulation(scene, 1, all);
+  CHECK(simulation.n_grains() == whole.size());
+  CHECK(hash_after(simulation, 50) == hash_after(alone, 50));
+}
+
+TEST_CASE(
+    "no rank holds more than its part of a lattice while it is made, and of a random fill only the first one does, as "
+    "bare spheres") {
+  const World& all = ranks::world();
+  const auto n_ranks = static_cast<std::size_t>(all.size());
+  Scene scene = empty_scene();
+  std::vector<GrainSeed> whole;
+  const auto made_alone = memory_of([&] { whole = make_grains(scene, 1); });
+  CHECK(whole.empty());
+  CHECK(made_alone < 10000);
+
+  scene.particles = {filled(lattice(scene.domain.box(), 0.0044), 0.003, 0.004, 1)};
+  const std::size_t of_lattice = memory_of([&] { whole = make_grains(scene, 1); });
+  REQUIRE(whole.size() > 100000);
+  CHECK(of_lattice > whole.size() * sizeof(GrainSeed));
+  const std::size_t dealt = memory_of([&] { deal_grains(scene, 1, all); });
+  CHECK(dealt < of_lattice / n_ranks * 11 / 10 + 20000);
+  check_dealt(scene, whole, all);
+
+  scene.particles = {filled(random_fill(scene.domain.box(), 0.1), 0.003, 0.004, 1)};
+  const std::size_t of_fill = memory_of([&] { whole = make_grains(scene, 1); });
+  REQUIRE(whole.size() > 60000);
+  const std::size_t dealt_fill = memory_of([&] { deal_grains(scene, 1, all); });
+  if (!all.is_root()) CHECK(dealt_fill < of_fill / n_ranks * 11 / 10 + 20000);
+  if (!all.is_alone()) CHECK(dealt_fill < of_fill);
+  check_dealt(scene, whole, all);
+}
+
+TEST_CASE("a fill that cannot be made is the same error on all ranks") {
+  const World& all = ranks::world();
+  Scene scene = empty_scene();
+  const auto said = [&](ParticleGroup group, const std::string& what) {
+    scene.particles = {filled(lattice({{0, 0, 0}, {0.3, 0.25, 0.05}}, 0.011), 0.005, 0.01, 1), std::move(group)};
+    const std::string error = error_of([&] { deal_grains(scene, 1, all); });
+    INFO(error);
+    CHECK(error.find(what) != std::string::npos);
+    CHECK(ranks::is_same_on_all(all, error));
+  };
+  LatticeFill many = lattice({{0, 0, 0}, {0.3, 0.25, 0.05}}, 0.011);
+  many.count = 1000;
+  said(filled(many, 0.005, 0.01, 2), "free sites");
+  said(filled(random_fill({{0, 0, 0}, {0.1, 0.1, 0.1}}, 0.72), 0.02, 0.02, 2), "do not fit into");
+  said(filled(random_fill({{0, 0, 0}, {0.1, 0.1, 0.1}}, 1.5), 0.02, 0.02, 2), "must lie between 0 and 1");
 }

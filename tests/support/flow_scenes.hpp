@@ -548,6 +548,62 @@ inline Scene refilled_hopper() {
   return s;
 }
 
+/// Rows of grains of equal size, each an eighth as heavy as the one before, almost touching: hit at their heavy ends they shoot their
+/// light ones at each other, ten times as fast as anything was before (Galileo's cannon). A list of neighbours with a skin of a radius, which
+/// all before them would not use up for long, is old before they meet, just outside it.
+inline Scene cannons() {
+  constexpr int n_stages = 5;
+  constexpr double r = 0.5 * d, dt = 4e-5, pi = 3.14159265358979323846;
+  constexpr double slow = 0.0017 * r / dt;  // [m/s]
+  Scene s;
+  s.time.end = 10.0;
+  s.time.step = dt;
+  s.run.skin = r;
+  s.domain.high = {0.4, 0.06, 0.06};
+  s.contact.rotation = false;
+  s.contact.tangential = TangentialLaw::none;
+  const double volume = 4.0 / 3.0 * pi * r * r * r;
+  for (int k = 0; k < n_stages; ++k)
+    s.materials.push_back(
+        {"stage" + std::to_string(k), 5.0 * static_cast<double>(1 << 3 * (n_stages - 1 - k)), 5e6, 0.3});
+  for (int a = 0; a < n_stages; ++a)
+    for (int b = a; b < n_stages; ++b) {
+      const Material &first = s.materials[static_cast<std::size_t>(a)],
+                     &second = s.materials[static_cast<std::size_t>(b)];
+      PairLaw p;
+      p.between = {first.name, second.name};
+      const double mass = volume * first.density * second.density / (first.density + second.density);
+      p.normal_stiffness = mass * (pi / (10.0 * dt)) * (pi / (10.0 * dt));  // ten steps a contact
+      p.restitution = 0.98;
+      s.contact.pairs.push_back(p);
+    }
+  ListedGrains list;
+  list.has_velocity = list.has_radius = true;
+  for (int row = 0; row < 12; ++row)
+    for (const double side : {-1.0, 1.0}) {
+      const double middle = 0.07 + 0.13 * (row % 3) + 0.004 * (row / 3);
+      double x = middle + side * (r + 0.51 * r);  // the light ones are a little more than a skin apart
+      for (int k = n_stages - 1; k >= 0; --k) {
+        GrainSeed seed;
+        seed.radius = r;
+        seed.material = static_cast<std::uint16_t>(k);
+        if (k == 0) {
+          x += side * 41.5 * slow * dt;
+          seed.velocity = {-side * slow * (1.0 - 0.002 * row), 0.0, 0.0};
+        }
+        seed.position = {x, 0.015 + 0.03 * (row / 3 % 2), 0.015 + 0.03 * (row / 6)};
+        x += side * 1.0002 * d;
+        list.grains.push_back(seed);
+      }
+    }
+  ParticleGroup group;
+  group.fill = list;
+  s.particles = {group};
+  add_wall(s, "box", BoxShape{s.domain.box()}, "stage0");
+  add_probe(s, Probe::Kind::contacts, "contacts");
+  return s;
+}
+
 struct Named {
   const char* name;
   Scene scene;
@@ -571,7 +627,8 @@ inline std::vector<Named> all() {
           {"fluidised bed", fluidised_bed(), 2500},
           {"finely resolved", finely_resolved(), 500},
           {"conveyed", conveyed(), 2500},
-          {"flat jet", flat_jet(), 3000}};
+          {"flat jet", flat_jet(), 3000},
+          {"cannons", cannons(), 750}};
 }
 
 }  // namespace moraine::scenes

@@ -240,6 +240,44 @@ TEST_CASE("near parts are those that brute force finds, and each finds the other
       }
 }
 
+TEST_CASE("parts that share a face are linked, and all hang together by as many links as are foretold") {
+  for (const int mask : {0, 2, 5, 7})
+    for (const int n_parts : {1, 2, 3, 7, 8, 13, 64, 200})
+      for (const double width : {0.1, 0.7}) {
+        const CutSpace space = space_of(mask, width);
+        const Subdomains parts = Subdomains::cut(World(), n_parts, heap(space.domain, 2000), space);
+        const auto n = static_cast<std::size_t>(n_parts);
+        std::vector<std::vector<int>> hops(n, std::vector<int>(n, n_parts));
+        for (int part = 0; part < n_parts; ++part) {
+          const std::vector<int> links = parts.linked(part);
+          REQUIRE(std::is_sorted(links.begin(), links.end()));
+          REQUIRE(std::adjacent_find(links.begin(), links.end()) == links.end());
+          hops[static_cast<std::size_t>(part)][static_cast<std::size_t>(part)] = 0;
+          for (const int other : links) {
+            REQUIRE(other != part);
+            hops[static_cast<std::size_t>(part)][static_cast<std::size_t>(other)] = 1;
+            const std::vector<int> back = parts.linked(other);
+            REQUIRE(std::find(back.begin(), back.end(), part) != back.end());
+            if (parts.is_empty(part) || parts.is_empty(other)) continue;
+            const auto near = parts.near(part, 1e-6);
+            REQUIRE(std::any_of(near.begin(), near.end(), [&](const auto& x) { return x.part == other; }));
+          }
+        }
+        for (std::size_t by = 0; by < n; ++by)
+          for (std::size_t from = 0; from < n; ++from)
+            for (std::size_t to = 0; to < n; ++to)
+              hops[from][to] = std::min(hops[from][to], hops[from][by] + hops[by][to]);
+        int most = 0;
+        for (const auto& row : hops) most = std::max(most, *std::max_element(row.begin(), row.end()));
+        REQUIRE(most < std::max(2, n_parts));
+        const int foretold = parts.most_hops();
+        CHECK((n_parts <= 128 ? foretold == most : foretold >= most && foretold <= 2 * most));
+      }
+  CutSpace row = space_of(0);
+  row.domain.high.x = row.domain.low.x + 10.0;
+  CHECK(Subdomains::cut(World(), 8, heap(row.domain, 2000), row).most_hops() == 7);
+}
+
 TEST_CASE("a part spans a periodic axis that no cut divides for it, and the narrowest part is known") {
   const CutSpace space = space_of(7);
   const std::vector<WeightedPoint> points = heap(space.domain, 3000);

@@ -83,8 +83,7 @@ TEST_CASE("the parts of a list give the grains, numbers and sizes of the whole")
     }
     CHECK(is_scattered(part));
     CHECK(count_grains(part) == 75);
-    const std::vector<GrainSeed> grains = make_grains(part, 1);
-    const std::vector<std::uint64_t> gids = listed_gids(part);
+    const auto [grains, gids] = deal_grains(part, 1, World());
     REQUIRE(gids.size() == grains.size());
     for (std::size_t i = 0; i < gids.size(); ++i) {
       CHECK(grains[i].position == whole.at(gids[i]).position);
