@@ -106,6 +106,7 @@ void Bed::restart(const LawChoice& choice) {
   if (choice.tangential == TangentialLaw::power) limit *= 1.5;
   ThreadPairs& mine = thread();
   mine.columns = memory_of(choice);
+  mine.is_mixed = choice.is_mixed;
   for (std::int64_t k = 0; k < n_slots; ++k) {
     const auto q = static_cast<std::size_t>(k);
     mine.set_memory(k, {});
@@ -177,7 +178,8 @@ double flops_of_contact(const LawChoice& choice) {
 Work work_of_sweep(const Bed& bed, const LawChoice& choice, bool has_images, double n_touching) {
   Work work;
   const double per_pair = 8.0 + (choice.is_uniform ? 0.0 : 1.0) + (has_images ? 1.0 : 0.0);
-  const double history = has_history(choice.tangential) ? doubles(memory_columns(choice.has_ledger)) : 0.0;
+  const double number = static_cast<double>(number_size(choice.is_mixed));
+  const double history = has_history(choice.tangential) ? number * memory_columns(choice.has_ledger) : 0.0;
   const double records = bed.n_grains() * doubles(record_size(choice.has_rotation));
   work.items_name = "contacts/s";
   work.items = n_touching;

@@ -53,9 +53,10 @@ struct Bed {
   PairSweep sweep(const LawChoice& choice, bool has_images);
   GrainSums sums(const LawChoice& choice);
 
-  /// Sweeps all pairs through the ring, tile by tile, as the engine does; and after each tile calls then(tile).
+  /// Sweeps all pairs through the ring, whose slots have that many bytes, tile by tile, as the engine does; and after each tile calls
+  /// then(tile).
   template <typename Then>
-  SweepResult run(PairKernel kernel, const PairSweep& sweep, int slot, Then then) {
+  SweepResult run(PairKernel kernel, const PairSweep& sweep, std::int64_t slot, Then then) {
     ThreadPairs& mine = thread();
     SweepResult total;
     for (const Tile& tile : mine.tiles) {
@@ -69,10 +70,15 @@ struct Bed {
     }
     return total;
   }
-  SweepResult run(PairKernel kernel, const PairSweep& sweep, int slot) {
+  SweepResult run(PairKernel kernel, const PairSweep& sweep, std::int64_t slot) {
     return run(kernel, sweep, slot, [](const Tile&) {});
   }
 };
+
+/// Bytes of a pair's slot.
+inline std::int64_t slot_bytes(const LawChoice& choice) {
+  return slot_size(choice.has_rotation, choice.has_ledger) * static_cast<std::int64_t>(number_size(choice.is_mixed));
+}
 
 /// The beds are kept: making one takes longer than timing a kernel.
 Bed& bed(Size size, bool has_rotation);

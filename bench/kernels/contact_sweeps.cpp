@@ -15,7 +15,7 @@ constexpr TangentialLaw tangentials[] = {TangentialLaw::none, TangentialLaw::vis
 
 std::string name_of_choice(const LawChoice& c) {
   return name_of(c.normal, c.tangential) + (c.has_rotation ? "/spin" : "/still") +
-         (c.is_uniform ? "/uniform" : "/mixed") + (c.has_ledger ? "/ledger" : "");
+         (c.is_uniform ? "/uniform" : "/mixed") + (c.has_ledger ? "/ledger" : "") + (c.is_mixed ? "/float" : "");
 }
 
 void sweep_pairs(benchmark::State& state, const LawChoice& choice, Size size) {
@@ -23,7 +23,7 @@ void sweep_pairs(benchmark::State& state, const LawChoice& choice, Size size) {
   b.restart(choice);
   const PairKernel kernel = contact_kernels(choice).pairs;
   const PairSweep sweep = b.sweep(choice, false);
-  const int slot = slot_size(choice.has_rotation, choice.has_ledger);
+  const std::int64_t slot = slot_bytes(choice);
   const auto n_touching = static_cast<double>(b.run(kernel, sweep, slot).n_touching);
   measure(state, work_of_sweep(b, choice, false, n_touching),
           [&] { benchmark::DoNotOptimize(b.run(kernel, sweep, slot)); });
@@ -94,8 +94,13 @@ void add_contact_sweeps() {
             tangential == (normal == NormalLaw::linear ? TangentialLaw::spring : TangentialLaw::mindlin);
         for (const bool has_rotation : {true, false})
           for (const bool is_uniform : {true, false})
-            for (const bool has_ledger : {false, true})
-              if (!has_ledger || is_common) add_pairs({normal, tangential, has_rotation, is_uniform, has_ledger}, size);
+            for (const bool has_ledger : {false, true}) {
+              LawChoice choice{normal, tangential, has_rotation, is_uniform, has_ledger};
+              if (has_ledger && !is_common) continue;
+              add_pairs(choice, size);
+              choice.is_mixed = true;
+              if (is_common) add_pairs(choice, size);
+            }
       }
   for (const NormalLaw normal : normals)
     for (const TangentialLaw tangential : tangentials) {

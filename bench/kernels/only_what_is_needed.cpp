@@ -27,12 +27,14 @@ constexpr Needs ladder[] = {
     {"without/rotation", {linear, spring, false, false, true}, true},
     {"without/history", {linear, viscous, true, false, true}, true},
     {"without/friction", {linear, none, true, false, true}, true},
+    {"without/double", {linear, spring, true, false, true, RollingLaw::none, CohesionLaw::none, true}, true},
     {"then/1_ledger", {linear, spring, true, false, false}, true},
     {"then/2_images", {linear, spring, true, false, false}, false},
     {"then/3_mixture", {linear, spring, true, true, false}, false},
     {"then/4_rotation", {linear, spring, false, true, false}, false},
     {"then/5_history", {linear, viscous, false, true, false}, false},
     {"then/6_friction", {linear, none, false, true, false}, false},
+    {"then/7_double", {linear, none, false, true, false, RollingLaw::none, CohesionLaw::none, true}, false},
 };
 
 /// One pass: each tile swept, then its grains summed and advanced.
@@ -43,8 +45,8 @@ class Pass {
         sweep_(bed_.sweep(needs.choice, needs.has_images)),
         sums_(bed_.sums(needs.choice)),
         pairs_(contact_kernels(needs.choice).pairs),
-        motion_(motion_kernel(needs.choice.has_rotation, needs.choice.has_ledger)),
-        slot_(slot_size(needs.choice.has_rotation, needs.choice.has_ledger)) {
+        motion_(motion_kernel(needs.choice.has_rotation, needs.choice.has_ledger, false, needs.choice.is_mixed)),
+        slot_(slot_bytes(needs.choice)) {
     bed_.restart(needs.choice);
   }
   double n_grains() const { return bed_.n_grains(); }
@@ -60,7 +62,7 @@ class Pass {
   GrainSums sums_;
   PairKernel pairs_;
   MotionKernel motion_;
-  int slot_;
+  std::int64_t slot_;
 };
 
 /// Keeps the time of the fastest pass: the one that least else got in the way of.

@@ -18,6 +18,11 @@ namespace moraine::bench {
 
 namespace {
 
+Scene in_precision(Precision precision, Scene scene) {
+  scene.run.precision = precision;
+  return scene;
+}
+
 /// A bed of bench/peers as the engine holds it.
 struct Engine {
   Scene scene;
@@ -29,12 +34,14 @@ struct Engine {
 
   double travelled = 0.0;  // a bed at rest: its grains come nowhere
 
-  Engine(const std::string& deck, Size size, int n_threads)
-      : scene(bed_scene(deck, size)), walls(scene), dt(*scene.time.step) {
+  Engine(const std::string& deck, Size size, int n_threads, Precision precision = Precision::double_)
+      : scene(in_precision(precision, bed_scene(deck, size))), walls(scene), dt(*scene.time.step) {
     put_grains(scene, make_grains(scene, 1), particles);
     const double r = particles.radius(0);
     contacts = std::make_unique<Contacts>(
-        scene, walls, GrainKind{true, particles.inverse_mass(0), 1.0, r, r, SizeClasses(r)}, World());
+        scene, walls,
+        GrainKind{true, particles.inverse_mass(0), 1.0 / particles.inverse_mass(0), 1.0, r, r, SizeClasses(r)},
+        World());
     kick.gain = kick.time = kick.drift = dt;
     kick.gravity = scene.time.gravity;
     contacts->rebuild(particles, Bed::skin, 0.0, n_threads);
@@ -50,8 +57,8 @@ struct Engine {
   }
 };
 
-void step(benchmark::State& state, const std::string& deck, Size size, int n_threads) {
-  Engine engine(deck, size, n_threads);
+void step(benchmark::State& state, const std::string& deck, Size size, int n_threads, Precision precision) {
+  Engine engine(deck, size, n_threads, precision);
   StepResult result;
   measure(state, engine.work(n_threads), [&] {
     engine.contacts->advance(engine.particles, engine.kick, engine.dt, engine.travelled, n_threads, result);
@@ -93,8 +100,10 @@ void add_whole_engine() {
   for (const char* deck : {"bed.toml", "bed_hertz.toml"})
     for (const Size size : {Size::k20, Size::k200})
       for (const int n : threads)
-        add("step/" + std::string(deck, std::strchr(deck, '.')) + "/" + name_of(size) + "/threads:" + std::to_string(n),
-            [=, deck = std::string(deck)](benchmark::State& s) { step(s, deck, size, n); });
+        for (const Precision precision : {Precision::double_, Precision::mixed})
+          add("step/" + std::string(deck, std::strchr(deck, '.')) + (precision == Precision::mixed ? "/float/" : "/") +
+                  name_of(size) + "/threads:" + std::to_string(n),
+              [=, deck = std::string(deck)](benchmark::State& s) { step(s, deck, size, n, precision); });
   for (const Size size : {Size::k20, Size::k200})
     for (const int n : threads)
       add("rebuild/" + name_of(size) + "/threads:" + std::to_string(n),

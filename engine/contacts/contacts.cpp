@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numeric>
 
@@ -27,6 +28,17 @@ LawChoice choose_laws(const Scene& scene, bool is_uniform) {
   return choice;
 }
 
+/// What the next tile will be the first to read, and what comes in an order that no processor foresees: the records of the grains that its
+/// own may touch. They come from memory while this tile is swept.
+void ask_for_records(const Particles& particles, std::int32_t first, std::int32_t n) {
+  constexpr std::int64_t line = 64;
+  const auto bytes = static_cast<std::int64_t>(sizeof(double)) * particles.stride();
+  const std::int64_t begin = bytes * std::min(first, particles.size());
+  const std::int64_t end = bytes * std::min(first + n, particles.size());
+  const char* const records = reinterpret_cast<const char*>(particles.records());
+  for (std::int64_t at = begin; at < end; at += line) __builtin_prefetch(records + at, 1, 2);
+}
+
 /// Bonds at walls are looked at a little beyond their range, so that a break is seen.
 double wall_reach(const LawChoice& choice, double range) { return has_bond(choice.cohesion) ? 1.5 * range : range; }
 
@@ -38,7 +50,10 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
       laws_(scene),
       choice_(choose_laws(scene, kind.is_uniform && laws_.n_pair_species == 1)),  // uniform: all pairs go by row 0
       kernels_(contact_kernels(choice_)),
-      motion_(motion_kernel(choice_.has_rotation, choice_.has_ledger, choice_.has_further())),
+      motion_(motion_kernel(choice_.has_rotation, choice_.has_ledger, choice_.has_further(), choice_.is_mixed)),
+      mass_unit_(choice_.is_mixed ? mass_unit_for(kind.largest_mass) : 1.0),
+      pair_table_(in_units_of_mass(laws_.pairs, mass_unit_)),
+      wall_table_(in_units_of_mass(laws_.walls, mass_unit_)),
       uniform_inverse_mass_(kind.inverse_mass),
       largest_radius_(kind.largest_radius),
       sizes_(kind.sizes),
@@ -56,6 +71,7 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
   needs_.has_images = periodic_[0] || periodic_[1] || periodic_[2];
   needs_.has_species = laws_.n_pair_species > 1;
   needs_.slot_size = slot_size(choice_.has_rotation, choice_.has_ledger, choice_.has_further());
+  needs_.is_mixed = choice_.is_mixed;
   needs_.species_table = laws_.pair_species.data();
   needs_.n_materials = laws_.n_materials;
   for (const Surface& surface : walls.surfaces())
@@ -186,7 +202,8 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   sweep.image_shift = image_shift_.data();
   sweep.species = needs_.has_species ? mine.species.data() : nullptr;
   sweep.history = mine.history.data();
-  sweep.table = &laws_.pairs;
+  sweep.table = &pair_table_;
+  sweep.mass_unit = mass_unit_;
   sweep.inverse_mass = uniform_inverse_mass_;
   sweep.radius = largest_radius_;  // of all, where the sweep asks
   sweep.dt = dt;
@@ -203,6 +220,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   sums.ring = mine.ring.data();
   sums.ring_mask = mine.ring_mask;
   sums.kept = pairs_.kept_slots();
+  sums.mass_unit = mass_unit_;
   sums.inside = domain_;
   sums.kick = kick;
   sums.dissipated = choice_.has_ledger ? particles.dissipated() : nullptr;
@@ -224,7 +242,8 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
         wall_contacts_.touch(particles, thread, candidates, laws_.wall_species.data(), laws_.n_walls, sums.dissipated);
     const WallTouches& touches = wall_contacts_.touches(thread);
     note(kernels_.walls(
-        {particles.records(), touches, &laws_.walls, dt, max_overlap_, choice_.rolling, choice_.cohesion}, {0, n}));
+        {particles.records(), touches, &wall_table_, dt, max_overlap_, choice_.rolling, choice_.cohesion, mass_unit_},
+        {0, n}));
     wall_contacts_.remember(thread, candidates);
     if (measures_walls_)
       wall_contacts_.measure(particles, thread, candidates, dt, counted, choice_.has_ledger, step.walls);
@@ -247,25 +266,26 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
     }
   };
 
-  const int slot = needs_.slot_size;
+  const std::int64_t slot = needs_.slot_size * static_cast<std::int64_t>(number_size(choice_.is_mixed));  // bytes
   const auto sweep_kept = [&](const Tile& tile, double nearer) {
     const std::int64_t far = pairs_.far_begin(tile.kept_bands, tile.pair_end, nearer);
     if (far > tile.kept_begin)
-      note(kernels_.pairs(sweep, {tile.kept_begin, far}, pairs_.kept_slots() + std::int64_t{tile.kept_slot} * slot));
+      note(kernels_.pairs(sweep, {tile.kept_begin, far}, pairs_.kept_slots() + tile.kept_slot * slot));
   };
   const std::size_t n_tiles = mine.tiles.size() - (mine.has_border ? 1 : 0);
   for (std::size_t t = 0; t < n_tiles; ++t) {
     const Tile& tile = mine.tiles[t];
+    ask_for_records(particles, tile.grain_end + cells_.furthest_in_column(), tile.grain_end - tile.grain_begin);
     const std::int64_t far = pairs_.far_begin(tile.ring_bands, tile.kept_begin, approach.own);
     for (std::int64_t k = tile.ring_begin; k < tile.kept_begin;) {  // up to the end of the ring, then from its start
       const std::int64_t place = k & mine.ring_mask;
       const std::int64_t end =
           std::min(k < far ? far : tile.kept_begin, k + (std::int64_t{mine.ring_mask} + 1 - place));
-      double* const slots = mine.ring.data() + place * slot;
+      std::byte* const slots = mine.ring.data() + place * slot;
       if (k < far)
         note(kernels_.pairs(sweep, {k, end}, slots));
       else  // what cannot touch gives nothing
-        std::fill_n(slots, (end - k) * slot, 0.0);
+        std::memset(slots, 0, static_cast<std::size_t>((end - k) * slot));
       k = end;
     }
     sweep_kept(tile, approach.own);
@@ -288,14 +308,14 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
 }
 
 Contacts::Velocities Contacts::velocities_now(Particles& particles, const Kick& half_kick, double dt, int n_threads) {
-  const auto copy_of = [](const double* values, std::size_t n) {
-    return std::vector<double>(values, values ? values + n : values);
+  const auto copy_of = [](const auto* values, std::size_t n) {
+    return std::vector<std::remove_cvref_t<decltype(*values)>>(values, values ? values + n : values);
   };
   const auto n = static_cast<std::size_t>(particles.size());
   const std::vector<double> records = copy_of(particles.records(), n * static_cast<std::size_t>(particles.stride()));
   const std::vector<double> dissipated = copy_of(particles.dissipated(), 4 * n);
   const std::vector<double> force = copy_of(particles.force(), 3 * n), torque = copy_of(particles.torque(), 3 * n);
-  std::vector<std::vector<double>> histories;
+  std::vector<std::vector<std::byte>> histories;
   for (const ThreadPairs& t : pairs_.threads()) histories.push_back(copy_of(t.history.data(), t.history.size()));
   const auto walls = wall_contacts_.save();
   const WallSums wall_sums = wall_sums_;
@@ -309,9 +329,7 @@ Contacts::Velocities Contacts::velocities_now(Particles& particles, const Kick& 
     if (choice_.has_rotation) now.angular.push_back(particles.angular_velocity(i));
   }
 
-  const auto put_back = [](const std::vector<double>& values, double* to) {
-    std::copy(values.begin(), values.end(), to);
-  };
+  const auto put_back = [](const auto& values, auto* to) { std::copy(values.begin(), values.end(), to); };
   put_back(records, particles.records());
   if (particles.dissipated()) put_back(dissipated, particles.dissipated());
   if (particles.force()) put_back(force, particles.force());

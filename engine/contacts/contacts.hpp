@@ -38,6 +38,7 @@ struct StepResult {
 struct GrainKind {
   bool is_uniform = true;             // one radius, one mass, one material
   double inverse_mass = 0.0;          // [1/kg] of all, where uniform
+  double largest_mass = 0.0;          // [kg]
   double mass_ratio = 1.0;            // largest over smallest
   double smallest_radius = infinity;  // [m]
   double largest_radius = 0.0;        // [m]
@@ -199,6 +200,8 @@ class Contacts {
   LawChoice choice_;
   ContactKernels kernels_;
   MotionKernel motion_;
+  double mass_unit_;  // [kg] with mixed precision, of the tables and of what pairs give
+  LawTable pair_table_, wall_table_;
   double uniform_inverse_mass_;
   double largest_radius_;
   SizeClasses sizes_;

@@ -39,6 +39,7 @@ LawChoice law_choice(const Scene& scene) {
   choice.has_ledger = scene.output.energy;
   choice.rolling = scene.contact.rolling;
   choice.cohesion = scene.contact.cohesion;
+  choice.is_mixed = scene.run.precision == Precision::mixed;
   return choice;
 }
 

@@ -117,7 +117,7 @@ void PairList::build(const Particles& particles, const Cells& cells, const SizeG
     lay_out(particles, image_shift, needs, was_at, carry, thread);
   });
   for (std::size_t t = 0; t < at(n_active); ++t) kept_base_[t + 1] += kept_base_[t];
-  kept_.resize_discarding(at(std::int64_t{kept_base_.back()} * needs.slot_size));
+  kept_.resize_discarding(at(std::int64_t{kept_base_.back()} * needs.slot_size) * number_size(needs.is_mixed));
   n_last_ = size();
   raw_.clear();
   parallel(n_active, [&](int thread) { index_entries(particles, needs, thread); });
@@ -338,7 +338,8 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
   mine.image.resize_discarding(needs.has_images ? capacity : 0);
   mine.species.resize_discarding(needs.has_species ? capacity : 0);
   mine.columns = needs.memory;
-  mine.history.resize_discarding(at(needs.memory.count()) * capacity);
+  mine.is_mixed = needs.is_mixed;
+  mine.history.resize_discarding(at(needs.memory.count()) * capacity * number_size(needs.is_mixed));
   mine.tiles.clear();
   mine.plain.clear();
   mine.deferred.clear();
@@ -459,10 +460,11 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
 void PairList::index_entries(const Particles& particles, const PairNeeds& needs, int thread) {
   ThreadPairs& mine = threads_[at(thread)];
   const std::int32_t first = mine.grain_begin, end = mine.grain_end, dummy = particles.dummy();
+  const auto slot_bytes = static_cast<std::int64_t>(at(needs.slot_size) * number_size(needs.is_mixed));
   for (Tile& tile : mine.tiles) {
     tile.kept_slot += kept_base_[at(thread)];
-    std::fill_n(kept_.data() + std::int64_t{tile.kept_slot} * needs.slot_size,
-                (tile.pair_end - tile.kept_begin) * needs.slot_size, 0.0);
+    std::fill_n(kept_.data() + tile.kept_slot * slot_bytes, (tile.pair_end - tile.kept_begin) * slot_bytes,
+                std::byte{});
   }
 
   // Count, place, sort each grain's entries by the other's gid.
@@ -538,7 +540,7 @@ void PairList::index_entries(const Particles& particles, const PairNeeds& needs,
   }
   const auto capacity = std::bit_ceil(static_cast<std::uint64_t>(need));
   mine.ring_mask = static_cast<std::uint32_t>(capacity - 1);
-  mine.ring.resize_discarding(capacity * static_cast<std::size_t>(needs.slot_size));
+  mine.ring.resize_discarding(capacity * at(needs.slot_size) * number_size(needs.is_mixed));
 }
 
 PairCarry PairList::carry(const Particles& particles, std::span<const std::uint8_t> is_leaving, bool has_energy,

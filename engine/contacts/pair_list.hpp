@@ -11,6 +11,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -64,14 +65,16 @@ struct Tile {
 struct ThreadPairs {
   std::int32_t grain_begin = 0, grain_end = 0;
   std::vector<Tile> tiles;
-  AlignedArray<std::int32_t> a, b;      // lower and higher gid
-  AlignedArray<std::uint8_t> image;     // only with periodic directions
-  AlignedArray<std::uint8_t> species;   // only where not uniform
-  AlignedArray<double> history;         // what pairs remember, by memory_at(); only for laws with history
-  MemoryColumns columns;                // of it
+  AlignedArray<std::int32_t> a, b;     // lower and higher gid
+  AlignedArray<std::uint8_t> image;    // only with periodic directions
+  AlignedArray<std::uint8_t> species;  // only where not uniform
+  AlignedArray<std::byte>
+      history;            // what pairs remember, by memory_at(): doubles or floats; only for laws with history
+  MemoryColumns columns;  // of it
+  bool is_mixed = false;  // floats, there and in the slots
   AlignedArray<std::uint32_t> offsets;  // entries of each of the thread's grains
   AlignedArray<Entry> entries;
-  AlignedArray<double> ring;
+  AlignedArray<std::byte> ring;
   std::uint32_t ring_mask = 0;
   bool has_border = false;          // the last tile holds the border pairs
   std::vector<std::int32_t> plain;  // where tiles have deferred grains
@@ -81,15 +84,31 @@ struct ThreadPairs {
   /// What pair k remembers; all zero for laws without history.
   PairMemory memory(std::int64_t k) const {
     PairMemory m{};
-    if (history.size() > 0) each_column(m, [&](double& value, int c) { value = history[place(k, c)]; });
+    if (history.size() == 0) return m;
+    if (is_mixed)
+      each_column(m, [&](double& value, int c) { value = numbers<float>()[place(k, c)]; });
+    else
+      each_column(m, [&](double& value, int c) { value = numbers<double>()[place(k, c)]; });
     return m;
   }
   /// Only for laws with history.
   void set_memory(std::int64_t k, const PairMemory& m) {
-    if (columns.has_history) each_column(m, [&](double value, int c) { history[place(k, c)] = value; });
+    if (!columns.has_history) return;
+    if (is_mixed)
+      each_column(m, [&](double value, int c) { numbers<float>()[place(k, c)] = static_cast<float>(value); });
+    else
+      each_column(m, [&](double value, int c) { numbers<double>()[place(k, c)] = value; });
   }
 
  private:
+  template <typename Real>
+  Real* numbers() {
+    return reinterpret_cast<Real*>(history.data());
+  }
+  template <typename Real>
+  const Real* numbers() const {
+    return reinterpret_cast<const Real*>(history.data());
+  }
   std::size_t place(std::int64_t k, int c) const { return static_cast<std::size_t>(memory_at(k, c, columns.count())); }
   /// Calls f(value, column) for every column.
   template <typename Memory, typename Function>
@@ -145,7 +164,8 @@ struct PairNeeds {
   MemoryColumns memory{true, true};  // what a pair remembers
   bool has_images = false;
   bool has_species = false;
-  int slot_size = 8;                            // doubles
+  int slot_size = 8;                            // numbers
+  bool is_mixed = false;                        // numbers of slots and memory are floats; else doubles
   const std::uint8_t* species_table = nullptr;  // by material, square
   int n_materials = 1;
   double range = 0.0;  // [m] no pair has a force beyond this gap
@@ -172,7 +192,7 @@ class PairList {
 
   std::vector<ThreadPairs>& threads() { return threads_; }
   const std::vector<ThreadPairs>& threads() const { return threads_; }
-  double* kept_slots() { return kept_.data(); }
+  std::byte* kept_slots() { return kept_.data(); }
   /// Pairs of the bands from here to `end` cannot touch as long as the grains of no pair have come nearer than by `approach` [m] since the
   /// rebuild. A kept slot of theirs is zero until they are swept for the first time.
   std::int64_t far_begin(const BandBegins& bands, std::int64_t end, double approach) const;
@@ -263,7 +283,7 @@ class PairList {
   std::vector<std::uint32_t> kept_base_;       // first kept slot of each thread
   std::vector<std::uint8_t> is_deferred_;
   std::vector<ThreadPairs> threads_;
-  AlignedArray<double> kept_;
+  AlignedArray<std::byte> kept_;
 };
 
 }  // namespace moraine

@@ -157,9 +157,11 @@ void describe(const Scene& scene, Plan& plan) {
     else
       other.push_back(unused);
   };
-  plan.chosen.push_back(fmt::format("contacts: normal {}, tangential {}, double precision, {} lanes by {}",
-                                    name_of(scene.contact.normal), name_of(scene.contact.tangential),
-                                    std::string(instruction_set()) == "AVX3" ? 8 : 4, instruction_set()));
+  const bool is_mixed = scene.run.precision == Precision::mixed;
+  plan.chosen.push_back(fmt::format(
+      "contacts: normal {}, tangential {}, {} precision{}, {} lanes by {}", name_of(scene.contact.normal),
+      name_of(scene.contact.tangential), is_mixed ? "mixed" : "double",
+      is_mixed ? " (forces and memory of pairs in float)" : "", lanes_of_instruction_set(is_mixed), instruction_set()));
   say(plan.chosen, scene.contact.rotation, "rotation", "rotation (grains do not spin: 64 bytes a grain instead of 96)",
       plan.left_out);
   const bool remembers = has_history(scene.contact.tangential);

@@ -79,6 +79,20 @@ void for_each_kind_to_come(const Scene& scene, Function f) {
   }
 }
 
+/// What checkpoints of runs in mixed precision hold under "precision"; those of others have no such entry.
+constexpr double mixed_precision = 2.0;
+
+void expect_precision(const Scene& scene, const Image& image) {
+  const bool was_mixed = image.accumulators.contains("precision"), is_mixed = scene.run.precision == Precision::mixed;
+  if (was_mixed == is_mixed) return;
+  const std::string was = was_mixed ? "mixed" : "double", is = is_mixed ? "mixed" : "double";
+  throw SceneError({{"run.precision",
+                     "is \"" + is + "\", but the checkpoint is of a run in " + was +
+                         " precision; a run goes on in the precision it had: set run.precision = \"" + was +
+                         "\", or begin a new run with its grains (particles.fill.file)",
+                     false}});
+}
+
 /// Of the grains of all ranks, which call it together, and of those to come.
 GrainKind kind_of(const World& world, const Scene& scene, const Particles& particles) {
   // Largest radius, inverse mass and material, then the largest of the negative ones, which gives the smallest.
@@ -108,6 +122,7 @@ GrainKind kind_of(const World& world, const Scene& scene, const Particles& parti
   kind.sizes = SizeClasses(radii);
   kind.smallest_radius = -most[3];
   kind.inverse_mass = most[1];
+  kind.largest_mass = -1.0 / most[4];
   kind.mass_ratio = most[1] / -most[4];
   kind.is_uniform = most[0] == -most[3] && most[1] == -most[4] && most[2] == -most[5];
   return kind;
@@ -947,6 +962,7 @@ std::vector<double> Simulation::Parts::remembered() const {
   for (const ServoState& servo : walls.servo_states()) all.insert(all.end(), {servo.place, servo.speed});
   const std::vector<double> owed = inlets.hashed();
   all.insert(all.end(), owed.begin(), owed.end());
+  if (scene.run.precision == Precision::mixed) all.push_back(mixed_precision);  // runs in double keep their hashes
   return all;
 }
 
@@ -992,6 +1008,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
                        false}});
   if (!(image.domain == scene.domain.box()) || image.periodic != scene.domain.periodic)
     throw SceneError({{"domain", "is not the one that the checkpoint was written with", false}});
+  expect_precision(scene, image);
   expect_possible(scene, p.walls.surfaces().size(), image);
   p.step = p.last_surprise = p.step_of_balance = image.step;
   p.energy_initial = kept_number(image.accumulators, "energy_initial");
@@ -1216,6 +1233,7 @@ Image Simulation::checkpoint() const {
   p.full_census().keep(image.accumulators);
   image.accumulators.merge(p.inlets.remembered(p.world));
   image.accumulators["energy_initial"] = {p.energy_initial};
+  if (p.scene.run.precision == Precision::mixed) image.accumulators["precision"] = {mixed_precision};
   for (std::size_t k = 0; k < p.walls.servo_states().size(); ++k)
     image.accumulators[servo_name(p.scene, p.walls, k)] = {p.walls.servo_states()[k].place,
                                                            p.walls.servo_states()[k].speed};

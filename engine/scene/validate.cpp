@@ -194,8 +194,6 @@ void check_run(const Scene& scene, Findings& found) {
   const RunControl& run = scene.run;
   if (!is_layout(run.layout))
     found.error("run.layout", "is \"{}\"; expected \"auto\" or ranks x threads such as \"2x4\"", run.layout);
-  if (run.precision != Precision::double_)
-    found.error("run.precision", "\"mixed\" is not available yet in this version; use \"double\"");
   found.not_negative("run.skin", run.skin, "m");
   if (!(run.max_overlap > 0.0 && run.max_overlap <= 1.0))
     found.error("run.max_overlap", "is {}; expected more than 0 and at most 1 (a share of the smaller radius)",

@@ -908,7 +908,10 @@ const KeyTable<RunControl>& run_keys() {
            "both as it pays (auto), or nothing; for threads and off ranks begin with equal boxes"},
           "\"auto\""),
       choice("precision", &RunControl::precision, {{"double", Precision::double_}, {"mixed", Precision::mixed}},
-             {"", "precision of contact forces (mixed is not available yet in this version)"}, "\"double\""),
+             {"",
+              "precision of contact forces: double, or float from differences taken in double (mixed); motion and sums "
+              "are in double"},
+             "\"double\""),
       value("skin", &RunControl::skin, {"m", "range beyond contact in which pairs are kept; 0: chosen"}),
       value("max_overlap", &RunControl::max_overlap, {"-", "overlap over the smaller radius at which the run stops"}),
   }};

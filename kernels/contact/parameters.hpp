@@ -57,6 +57,10 @@ struct LawTable {
   }
 };
 
+/// The table for masses, forces and energies in other units: those of which the kilogram is a part, divided by `unit` [kg]. A
+/// power of two leaves their digits as they are.
+LawTable in_units_of_mass(const LawTable& table, double unit);
+
 /// Which compiled combination of laws a scene uses.
 struct LawChoice {
   NormalLaw normal = NormalLaw::linear;
@@ -66,6 +70,7 @@ struct LawChoice {
   bool has_ledger = false;  // the energy lost in each contact is wanted
   RollingLaw rolling = RollingLaw::none;
   CohesionLaw cohesion = CohesionLaw::none;
+  bool is_mixed = false;  // contact arithmetic, memory and slots in float; else in double
 
   /// True where there is more to a contact than its normal and tangential law.
   constexpr bool has_further() const { return rolling != RollingLaw::none || cohesion != CohesionLaw::none; }

@@ -14,14 +14,14 @@
 namespace moraine {
 
 /// Ranges of pairs begin and end at multiples of this; they are filled up with pairs of the dummy grain.
-inline constexpr std::int64_t pair_group = 8;
+inline constexpr std::int64_t pair_group = 16;
 
-/// Doubles in a slot: F lever_a | M lever_b | rolling torque on a, - (further laws) | losses (normal dashpot, tangential dashpot,
+/// Numbers in a slot, doubles or (mixed precision) floats: F lever_a | M lever_b | rolling torque on a, - (further laws) | losses (normal dashpot, tangential dashpot,
 /// friction, -).
 constexpr int slot_size(bool has_rotation, bool has_ledger, bool has_further = false) {
   return 4 + (has_rotation ? (has_further ? 8 : 4) : 0) + (has_ledger ? 4 : 0);
 }
-/// Doubles that a pair remembers: tangential displacement [m], and with the ledger the energy stored in it [J].
+/// Numbers that a pair remembers: tangential displacement [m], and with the ledger the energy stored in it [J].
 constexpr int memory_columns(bool has_ledger) { return has_ledger ? 4 : 3; }
 /// The columns of what a pair remembers, with the further laws: tangential displacement [m], stored energy [J], rolling angle [rad],
 /// 1 where a bond is made.
@@ -52,16 +52,17 @@ struct PairSweep {
   const std::uint8_t* image = nullptr;    // periodic image code of each pair; nullptr: no periodic direction
   const Vec3* image_shift = nullptr;      // [m] by code: x_a - x_b + shift is the separation
   const std::uint8_t* species = nullptr;  // row of the law table; nullptr: row 0 for all (uniform)
-  double* history = nullptr;              // what pairs remember, by memory_at()
-  const LawTable* table = nullptr;
-  double inverse_mass = 0.0;  // [1/kg] of every grain (uniform)
-  double radius = 0.0;        // [m] of every grain (uniform)
-  double dt = 0.0;            // [s]
-  double max_overlap = 1.0;   // [-] of the smaller radius: beyond it the run is to be stopped
+  void* history = nullptr;          // what pairs remember, by memory_at(): doubles, with mixed precision floats [SI]
+  const LawTable* table = nullptr;  // in units of mass
+  double inverse_mass = 0.0;        // [1/kg] of every grain (uniform)
+  double radius = 0.0;              // [m] of every grain (uniform)
+  double dt = 0.0;                  // [s]
+  double max_overlap = 1.0;         // [-] of the smaller radius: beyond it the run is to be stopped
   // the further laws
   RollingLaw rolling = RollingLaw::none;
   CohesionLaw cohesion = CohesionLaw::none;
-  double range = 0.0;  // [m] no pair attracts beyond this gap
+  double range = 0.0;      // [m] no pair attracts beyond this gap
+  double mass_unit = 1.0;  // [kg] mixed precision: of the table, and of what goes to the slots; a power of four
 };
 
 struct SweepResult {
@@ -69,8 +70,13 @@ struct SweepResult {
   bool has_large_overlap = false;
 };
 
-/// Runs the law over `pairs` and writes their slots, the first at `slots`.
-using PairKernel = SweepResult (*)(const PairSweep& sweep, Range pairs, double* slots);
+/// Runs the law over `pairs` and writes their slots, the first at `slots`: doubles, with mixed precision floats.
+using PairKernel = SweepResult (*)(const PairSweep& sweep, Range pairs, void* slots);
+/// Bytes of a number of a slot, or of a pair's memory.
+constexpr std::size_t number_size(bool is_mixed) { return is_mixed ? sizeof(float) : sizeof(double); }
+/// A unit of mass [kg] for grains of about that mass: forces divided by it are near accelerations, and their squares far from the ends of
+/// what a float can be. A power of four, so that roots, too, have the same digits in every unit.
+double mass_unit_for(double mass);
 
 /// Touches of grains with walls, in arrays; as many rows as touches, filled up to pair_group with rows of the dummy grain.
 struct WallTouches {
@@ -96,6 +102,7 @@ struct WallSweep {
   double max_overlap = 1.0;         // [-] of the radius
   RollingLaw rolling = RollingLaw::none;
   CohesionLaw cohesion = CohesionLaw::none;
+  double mass_unit = 1.0;  // [kg] of the table, with mixed precision; slots are in SI
 };
 
 using WallKernel = SweepResult (*)(const WallSweep& sweep, Range touches);
@@ -111,5 +118,7 @@ ContactKernels contact_kernels(const LawChoice& choice);
 bool is_listed(const LawChoice& choice);
 /// The instruction set that the kernels were chosen for, for example "AVX3".
 const char* instruction_set();
+/// Contacts that it computes at once.
+int lanes_of_instruction_set(bool is_mixed);
 
 }  // namespace moraine

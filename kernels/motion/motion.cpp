@@ -23,27 +23,37 @@ struct Sum {
   Quad force, moment, lost;
 };
 
-template <bool has_rotation, bool has_ledger, bool has_further>
+/// A number of a slot in all four places.
+HWY_INLINE Quad number_of(const double* slot, int place) { return last_of(load_quad(slot + place - 3)); }
+HWY_INLINE Quad number_of(const float* slot, int place) { return set_quad(slot[place]); }
+
+template <bool has_rotation, bool has_ledger, bool has_further, typename Real>
 HWY_INLINE Sum sum_of_contacts(const GrainSums& sums, std::int32_t i, std::int64_t& w) {
   constexpr int slot = slot_size(has_rotation, has_ledger, has_further);
+  const Real* const ring = static_cast<const Real*>(sums.ring);
+  const Real* const kept = static_cast<const Real*>(sums.kept);
   Sum sum{set_quad(0.0), set_quad(0.0), set_quad(0.0)};
   const std::uint32_t end = sums.offsets[i - sums.first_grain + 1];
   for (std::uint32_t q = sums.offsets[i - sums.first_grain]; q < end; ++q) {
     const Entry entry = sums.entries[q];
     const bool is_b = (entry & entry_is_b) != 0;
     const std::uint32_t index = entry >> 2;
-    const double* s = (entry & entry_is_kept) ? sums.kept + std::int64_t{index} * slot
-                                              : sums.ring + std::int64_t{index & sums.ring_mask} * slot;
+    const Real* s = (entry & entry_is_kept) ? kept + std::int64_t{index} * slot
+                                            : ring + std::int64_t{index & sums.ring_mask} * slot;
     const Quad f = load_quad(s);
     sum.force = sum.force + flip_sign(f, static_cast<std::uint64_t>(is_b) << 63);
     if constexpr (has_rotation) {
       const Quad m = load_quad(s + 4);
-      sum.moment = sum.moment - last_of(load_quad(s + (is_b ? 4 : 0))) * m;
+      sum.moment = sum.moment - number_of(s, is_b ? 7 : 3) * m;
       if constexpr (has_further)
         sum.moment = sum.moment + flip_sign(load_quad(s + 8), static_cast<std::uint64_t>(is_b) << 63);
     }
     if constexpr (has_ledger)
       if (!is_b) sum.lost = sum.lost + load_quad(s + slot - 4);
+  }
+  if constexpr (sizeof(Real) < 8) {
+    const Quad unit = set_quad(sums.mass_unit);
+    sum = {sum.force * unit, sum.moment * unit, sum.lost * unit};
   }
   for (; w < sums.n_wall && sums.wall_grain[w] == i; ++w) {
     const double* s = sums.wall_slots + w * slot;
@@ -58,7 +68,7 @@ HWY_INLINE Sum sum_of_contacts(const GrainSums& sums, std::int32_t i, std::int64
   return sum;
 }
 
-template <bool has_rotation, bool has_ledger, bool has_further>
+template <bool has_rotation, bool has_ledger, bool has_further, typename Real>
 MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Range range) {
   constexpr int stride = record_size(has_rotation);
   const Kick& kick = sums.kick;
@@ -74,7 +84,7 @@ MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Ran
   std::int64_t w = 0;
   for (std::int64_t n = range.begin; n < range.end; ++n) {
     const std::int32_t i = list ? list[n] : static_cast<std::int32_t>(n);
-    const Sum sum = sum_of_contacts<has_rotation, has_ledger, has_further>(sums, i, w);
+    const Sum sum = sum_of_contacts<has_rotation, has_ledger, has_further, Real>(sums, i, w);
     double* const record = sums.records + std::int64_t{i} * stride;
     const Quad v_old = load_quad(record + 4);
     Quad acceleration = fma(sum.force, last_of(v_old), gravity);
@@ -136,15 +146,23 @@ MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Ran
   return result;
 }
 
-template <bool has_further>
+template <typename Real, bool has_further>
 MotionKernel choose_slots(bool has_rotation, bool has_ledger) {
   if (has_rotation)
-    return has_ledger ? &advance_grains<true, true, has_further> : &advance_grains<true, false, has_further>;
-  return has_ledger ? &advance_grains<false, true, false> : &advance_grains<false, false, false>;
+    return has_ledger ? &advance_grains<true, true, has_further, Real>
+                      : &advance_grains<true, false, has_further, Real>;
+  return has_ledger ? &advance_grains<false, true, false, Real> : &advance_grains<false, false, false, Real>;
 }
 
-MotionKernel choose_motion(bool has_rotation, bool has_ledger, bool has_further) {
-  return has_further ? choose_slots<true>(has_rotation, has_ledger) : choose_slots<false>(has_rotation, has_ledger);
+template <typename Real>
+MotionKernel choose_further(bool has_rotation, bool has_ledger, bool has_further) {
+  return has_further ? choose_slots<Real, true>(has_rotation, has_ledger)
+                     : choose_slots<Real, false>(has_rotation, has_ledger);
+}
+
+MotionKernel choose_motion(bool has_rotation, bool has_ledger, bool has_further, bool is_mixed) {
+  return is_mixed ? choose_further<float>(has_rotation, has_ledger, has_further)
+                  : choose_further<double>(has_rotation, has_ledger, has_further);
 }
 
 }  // namespace HWY_NAMESPACE
@@ -154,8 +172,8 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace moraine {
 HWY_EXPORT(choose_motion);
-MotionKernel motion_kernel(bool has_rotation, bool has_ledger, bool has_further) {
-  return HWY_DYNAMIC_DISPATCH(choose_motion)(has_rotation, has_ledger, has_further);
+MotionKernel motion_kernel(bool has_rotation, bool has_ledger, bool has_further, bool is_mixed) {
+  return HWY_DYNAMIC_DISPATCH(choose_motion)(has_rotation, has_ledger, has_further, is_mixed);
 }
 }  // namespace moraine
 #endif

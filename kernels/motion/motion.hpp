@@ -41,9 +41,10 @@ struct GrainSums {
   std::int32_t first_grain = 0;            // offsets[0] belongs to this grain
   const std::uint32_t* offsets = nullptr;  // entries of grain i: [offsets[i - first], offsets[i - first + 1])
   const Entry* entries = nullptr;
-  const double* ring = nullptr;  // slots, by slot index & ring_mask
+  const void* ring = nullptr;  // slots, by slot index & ring_mask: doubles, with mixed precision floats
   std::uint32_t ring_mask = 0;
-  const double* kept = nullptr;  // slots that stay, by slot index
+  const void* kept = nullptr;  // slots that stay, by slot index
+  double mass_unit = 1.0;      // [kg] of what is in these, with mixed precision
   // Wall touches of the grains to be advanced, in their order.
   const std::int32_t* wall_grain = nullptr;
   const double* wall_slots = nullptr;
@@ -65,7 +66,7 @@ struct MotionResult {
 /// Advances the grains `list[range]`, or the grains of `range` themselves where list is nullptr.
 using MotionKernel = MotionResult (*)(const GrainSums& sums, const std::int32_t* list, Range range);
 
-/// `has_further`: slots have a rolling torque.
-MotionKernel motion_kernel(bool has_rotation, bool has_ledger, bool has_further = false);
+/// `has_further`: slots have a rolling torque. `is_mixed`: those of pairs are floats; they are summed in double.
+MotionKernel motion_kernel(bool has_rotation, bool has_ledger, bool has_further = false, bool is_mixed = false);
 
 }  // namespace moraine

@@ -74,8 +74,8 @@ const std::vector<Broken> table = {
      "18: key \"particles\" = { material = \"glass\", diameter = 0.02, fill = { count =  ...: expected a list of "
      "tables, found one table; write "
      "[[particles]] with two brackets"},
-    {"planned precision", "", "[run]\nprecision = \"mixed\"",
-     "31: key \"run.precision\": \"mixed\" is not available yet in this version; use \"double\""},
+    {"precision that is not", "", "[run]\nprecision = \"single\"",
+     "31: key \"run.precision\" = \"single\": expected \"double\" or \"mixed\""},
     {"balance that is not", "", "[run]\nbalance = \"ranks\"",
      "31: key \"run.balance\" = \"ranks\": expected one of \"auto\", \"threads\", \"cuts\" or \"off\""},
     {"a sweep over nothing that can be stepped", "", "[pareto]\nsteps_per_contact = [20, 1.5]",

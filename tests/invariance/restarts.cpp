@@ -44,6 +44,29 @@ TEST_CASE("a run that is broken and restored at every step is the unbroken run, 
   }
 }
 
+TEST_CASE("a run goes on in the precision that it had, and says so where another is asked for") {
+  const Scene in_double = scenes::settled_bed(), in_mixed = scenes::in_mixed_precision(scenes::settled_bed());
+  for (const bool is_mixed : {false, true}) {
+    const Scene& own = is_mixed ? in_mixed : in_double;
+    const Scene& other = is_mixed ? in_double : in_mixed;
+    Simulation run(own, 1);
+    for (int i = 0; i < 50; ++i) run.step();
+    const Image image = run.checkpoint();
+    CHECK_NOTHROW(Simulation(own, 2, image));
+    try {
+      Simulation(other, 1, image);
+      FAIL("a checkpoint of another precision was taken");
+    } catch (const SceneError& error) {
+      const std::string had = is_mixed ? "mixed" : "double", wants = is_mixed ? "double" : "mixed";
+      CHECK(error.problems[0].key == "run.precision");
+      CHECK(error.problems[0].message ==
+            "is \"" + wants + "\", but the checkpoint is of a run in " + had +
+                " precision; a run goes on in the precision it had: set run.precision = \"" + had +
+                "\", or begin a new run with its grains (particles.fill.file)");
+    }
+  }
+}
+
 TEST_CASE("a run restored while its gate opens and grains leave through the outlet is the unbroken run, bit by bit") {
   for (Scene scene : {scenes::hopper(0.02), scenes::flat()}) {
     scene.output.energy = true;

@@ -254,16 +254,20 @@ TEST_CASE("Newton's cradle passes an impact on: the last grain leaves with nearl
 
 namespace {
 
-/// A bed that has had `settle` steps to come to rest neither moves nor creeps in `rest` further ones. Some of its grains lie alone on
-/// the floor, where they would roll for ever if bulk viscosity did not slow them down.
-void check_rest(int settle, int rest) {
+Scene resting_bed() {
   Scene s = scenes::settled_bed();
   s.time.gravity = {0, 0, -9.81};
   s.time.damping = 10.0;
   s.domain.high.x = s.domain.high.y = 4 * 1.02 * scenes::d;
   auto& fill = std::get<LatticeFill>(s.particles[0].fill);
   fill.region = BoxRegion{{{0, 0, 0}, {s.domain.high.x, s.domain.high.y, 6.2 * scenes::d}}};
-  Simulation simulation(s, 1);
+  return s;
+}
+
+/// A bed that has had `settle` steps to come to rest neither moves nor creeps in `rest` further ones. Some of its grains lie alone on
+/// the floor, where they would roll for ever if bulk viscosity did not slow them down.
+void check_rest(int settle, int rest) {
+  Simulation simulation(resting_bed(), 1);
   advance(simulation, settle);
   const std::vector<double> before = simulation.snapshot().find(Field::position)->reals;
   for (int k = 0; k < 10; ++k) {
@@ -279,5 +283,67 @@ void check_rest(int settle, int rest) {
 }  // namespace
 
 TEST_CASE("a bed at rest stays at rest") { check_rest(120000, 50000); }
+
+namespace {
+
+/// One grain falls on another: what is left of the speed, over the initial one.
+double restitution(Precision precision, NormalLaw normal, double diameter, double given) {
+  Scene s = scene_of({{{0, 0, 0}, {}, {}}, {{1.001 * diameter, 0, 0}, {-0.5, 0, 0}, {}}});
+  s.materials[0].young = 1e8;
+  s.contact.normal = normal;
+  s.contact.tangential = normal == NormalLaw::hertz ? TangentialLaw::mindlin : TangentialLaw::spring;
+  s.contact.pairs[0].restitution = given;
+  s.particles[0].diameter.value = diameter;
+  s.time.steps_per_contact = 100.0;
+  // the same softness for grains of all sizes: k grows with the diameter (k d^2/(m v^2) is the same)
+  s.contact.pairs[0].normal_stiffness = 1e6 * diameter;
+  s.domain.low = {-4 * diameter, -4 * diameter, -4 * diameter};
+  s.domain.high = {4 * diameter, 4 * diameter, 4 * diameter};
+  s.run.precision = precision;
+  Simulation simulation(s, 1);
+  advance(simulation, 400);
+  const Image image = simulation.snapshot();
+  return (vector_of(image, Field::velocity, 1).x - vector_of(image, Field::velocity, 0).x) / 0.5;
+}
+
+}  // namespace
+
+TEST_CASE(
+    "in mixed precision an impact keeps the restitution that it has in double, for grains of a metre as of a "
+    "micrometre") {
+  for (const NormalLaw normal : {NormalLaw::linear, NormalLaw::hertz})
+    for (const double diameter : {1.0, 1e-2, 1e-4, 1e-6})
+      for (const double given : {0.3, 0.9, 1.0}) {
+        INFO(moraine::name_of(normal) << ", diameter " << diameter << ", restitution " << given);
+        const double in_double = restitution(Precision::double_, normal, diameter, given);
+        const double in_mixed = restitution(Precision::mixed, normal, diameter, given);
+        CHECK(in_double == Approx(given).margin(0.01));
+        CHECK(std::abs(in_mixed - in_double) < 1e-6);
+      }
+}
+
+TEST_CASE("in mixed precision the energy ledger closes to the round-off of float") {
+  Scene s = scenes::in_mixed_precision(scenes::gas());
+  s.output.energy = true;
+  Simulation simulation(s, 2);
+  advance(simulation, 20000);
+  const EnergyLedger energy = simulation.energy();
+  INFO("error " << energy.error() << " of " << energy.initial);
+  CHECK(std::abs(energy.error()) < 1e-5 * energy.initial);
+}
+
+TEST_CASE("in mixed precision a bed at rest trembles no more than round-off of float, and does not creep") {
+  Scene s = resting_bed();
+  s.run.precision = Precision::mixed;
+  Simulation simulation(s, 1);
+  advance(simulation, 120000);
+  const std::vector<double> before = simulation.snapshot().find(Field::position)->reals;
+  advance(simulation, 50000);
+  CHECK(largest_speed(simulation) < 1e-7);
+  const std::vector<double> after = simulation.snapshot().find(Field::position)->reals;
+  double most = 0.0;
+  for (std::size_t k = 0; k < after.size(); ++k) most = std::max(most, std::abs(after[k] - before[k]));
+  CHECK(most < 1e-7 * radius);
+}
 
 TEST_CASE("a bed at rest stays at rest for a million steps", "[.long][long]") { check_rest(120000, 1000000); }

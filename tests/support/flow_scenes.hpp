@@ -604,6 +604,12 @@ inline Scene cannons() {
   return s;
 }
 
+/// The same with contact forces in float.
+inline Scene in_mixed_precision(Scene s) {
+  s.run.precision = Precision::mixed;
+  return s;
+}
+
 struct Named {
   const char* name;
   Scene scene;
@@ -629,6 +635,10 @@ inline std::vector<Named> all() {
           {"conveyed", conveyed(), 2500},
           {"flat jet", flat_jet(), 3000},
           {"cannons", cannons(), 750}};
+=======
+          {"polydisperse, mixed precision", in_mixed_precision(polydisperse()), 1500},
+          {"refilled hopper, mixed precision", in_mixed_precision(refilled_hopper()), 1500},
+          {"sticky flow, mixed precision", in_mixed_precision(sticky_flow()), 800}};
 }
 
 }  // namespace moraine::scenes

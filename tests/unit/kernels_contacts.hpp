@@ -4,6 +4,7 @@
 
 #include <hwy/targets.h>
 
+#include <algorithm>
 #include <cstring>
 #include <numbers>
 #include <string>
@@ -35,7 +36,7 @@ inline std::vector<LawChoice> further_choices() {
   return all;
 }
 
-inline std::vector<LawChoice> all_choices() {
+inline std::vector<LawChoice> choices_in_double() {
   std::vector<LawChoice> all = further_choices();
   for (const NormalLaw normal : {NormalLaw::linear, NormalLaw::hertz})
     for (const TangentialLaw tangential : {TangentialLaw::none, TangentialLaw::viscous, TangentialLaw::spring,
@@ -46,6 +47,16 @@ inline std::vector<LawChoice> all_choices() {
   return all;
 }
 
+inline std::vector<LawChoice> all_choices() {
+  std::vector<LawChoice> all = choices_in_double();
+  const std::size_t n = all.size();
+  for (std::size_t k = 0; k < n; ++k) {
+    all.push_back(all[k]);
+    all.back().is_mixed = true;
+  }
+  return all;
+}
+
 inline std::string name_of(const LawChoice& c) {
   static constexpr const char* tangential[] = {"none", "viscous", "spring", "mindlin", "power"};
   return std::string(c.normal == NormalLaw::linear ? "linear" : "hertz") + " " +
@@ -53,7 +64,8 @@ inline std::string name_of(const LawChoice& c) {
          (c.has_further() ? ", rolling " + std::string(moraine::name_of(c.rolling)) + ", cohesion " +
                                 std::string(moraine::name_of(c.cohesion))
                           : "") +
-         (c.has_rotation ? ", rotation" : "") + (c.is_uniform ? ", uniform" : "") + (c.has_ledger ? ", ledger" : "");
+         (c.has_rotation ? ", rotation" : "") + (c.is_uniform ? ", uniform" : "") + (c.has_ledger ? ", ledger" : "") +
+         (c.is_mixed ? ", mixed precision" : "");
 }
 
 inline LawTable random_table(shapes::Dice& dice, CohesionLaw cohesion = CohesionLaw::none) {
@@ -155,7 +167,29 @@ struct Pairs {
       most = std::max(most, attraction_range(choice.cohesion, table.at(row), 0.01));
     return most;
   }
-  SweepResult run() { return contact_kernels(choice).pairs(sweep(), range(), slots.data()); }
+  /// In mixed precision memory is rounded to float before, and slots come back in SI.
+  SweepResult run(double max_overlap = 0.5) {
+    PairSweep s = sweep();
+    s.max_overlap = max_overlap;
+    if (!choice.is_mixed) return contact_kernels(choice).pairs(s, range(), slots.data());
+    AlignedArray<float> memory, results;
+    memory.resize_discarding(history.size());
+    results.resize_discarding(slots.size());
+    std::transform(history.begin(), history.end(), memory.begin(), [](double x) { return static_cast<float>(x); });
+    s.mass_unit = mass_unit_for(mass_unit);
+    const LawTable scaled = in_units_of_mass(table, s.mass_unit);
+    s.table = &scaled;
+    s.history = memory.data();
+    const SweepResult result = contact_kernels(choice).pairs(s, range(), results.data());
+    std::copy(memory.begin(), memory.end(), history.begin());
+    for (std::size_t i = 0; i < slots.size(); ++i) {
+      const std::size_t place = i % static_cast<std::size_t>(slot_doubles());
+      const bool is_arm = place == 3 || (place == 7 && choice.has_rotation);
+      slots[i] = results[i] * (is_arm ? 1.0 : s.mass_unit);
+    }
+    return result;
+  }
+  double mass_unit = 1e-3;  // [kg] about that, with mixed precision
 };
 
 inline void put_dummy(double* r, bool has_rotation) {

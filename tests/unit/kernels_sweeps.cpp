@@ -116,6 +116,18 @@ void compare(const LawChoice& choice, const double* slot, const double* history,
   }
 }
 
+double rounded(const LawChoice& choice, double x) { return choice.is_mixed ? static_cast<float>(x) : x; }
+
+/// Round-off of the arithmetic that there is, some tens of times; where a JKR contact tears off its force has an infinite slope, so that
+/// it is known to the root of that only.
+void check(const LawChoice& choice, const Worst& worst) {
+  const double tolerance = !choice.is_mixed ? 1e-12 : choice.cohesion == CohesionLaw::jkr ? 1e-3 : 1e-5;
+  CHECK(worst.force < tolerance);
+  CHECK(worst.torque < tolerance);
+  CHECK(worst.history < tolerance);
+  CHECK(worst.energy < tolerance);
+}
+
 }  // namespace
 
 TEST_CASE("every compiled pair sweep gives the forces, moments, memory and losses of the reference") {
@@ -139,9 +151,9 @@ TEST_CASE("every compiled pair sweep gives the forces, moments, memory and losse
           const bool is_friction = choice.has_ledger && remembers && q == pairs.slot_doubles() - 2;
           const bool is_break = choice.has_ledger && has_bond(choice.cohesion) && q == pairs.slot_doubles() - 4;
           if (is_break)
-            REQUIRE(slot[q] == Approx(e.force.lost_normal).epsilon(1e-12));
+            REQUIRE(slot[q] == Approx(e.force.lost_normal).epsilon(choice.is_mixed ? 1e-5 : 1e-12));
           else
-            REQUIRE(slot[q] == (is_friction ? before[static_cast<std::size_t>(k)][3] : 0.0));
+            REQUIRE(slot[q] == (is_friction ? rounded(choice, before[static_cast<std::size_t>(k)][3]) : 0.0));
         }
         n_broken += e.contact.is_bound;
         if (remembers) REQUIRE(std::all_of(history.begin(), history.end(), [](double x) { return x == 0.0; }));
@@ -168,10 +180,7 @@ TEST_CASE("every compiled pair sweep gives the forces, moments, memory and losse
       CHECK(n_sliding > pairs.n / 20);
       CHECK(n_touching - n_sliding > pairs.n / 20);
     }
-    CHECK(worst.force < 1e-12);
-    CHECK(worst.torque < 1e-12);
-    CHECK(worst.history < 1e-12);
-    CHECK(worst.energy < 1e-12);
+    check(choice, worst);
   }
 }
 
@@ -283,9 +292,7 @@ TEST_CASE("an overlap beyond the limit is reported, one below is not") {
     INFO(name_of(choice));
     Pairs pairs = random_pairs(choice, 203, 17);
     CHECK_FALSE(pairs.run().has_large_overlap);
-    PairSweep sweep = pairs.sweep();
-    sweep.max_overlap = 0.3;  // random overlaps reach 0.4
-    CHECK(contact_kernels(choice).pairs(sweep, pairs.range(), pairs.slots.data()).has_large_overlap);
+    CHECK(pairs.run(0.3).has_large_overlap);  // random overlaps reach 0.4
   }
 }
 
@@ -313,7 +320,13 @@ struct Walls {
             choice.cohesion};
   }
   int memory_doubles() const { return wall_memory_size(choice.has_further()); }
-  SweepResult run() { return contact_kernels(choice).walls(sweep(), {0, static_cast<std::int64_t>(filled)}); }
+  SweepResult run() {
+    WallSweep s = sweep();
+    if (choice.is_mixed) s.mass_unit = mass_unit_for(1e-3);
+    const LawTable scaled = in_units_of_mass(table, s.mass_unit);
+    s.table = &scaled;
+    return contact_kernels(choice).walls(s, {0, static_cast<std::int64_t>(filled)});
+  }
   int slot_doubles() const { return slot_size(choice.has_rotation, choice.has_ledger, choice.has_further()); }
 };
 
@@ -409,7 +422,9 @@ TEST_CASE("every compiled wall sweep gives what the reference gives, at walls an
         for (int q = 0; q < 3; ++q) REQUIRE(slot[q] == 0.0);
         for (int q = 4; choice.has_rotation && q < (choice.has_further() ? 11 : 7); ++q)
           if (q != 7) REQUIRE(slot[q] == 0.0);
-        if (choice.has_ledger) REQUIRE(slot[walls.slot_doubles() - 4] == Approx(f.lost_normal / mirror).epsilon(1e-12));
+        if (choice.has_ledger)
+          REQUIRE(slot[walls.slot_doubles() - 4] ==
+                  Approx(f.lost_normal / mirror).epsilon(choice.is_mixed ? 1e-5 : 1e-12));
         continue;
       }
       ++n_touching;
@@ -420,10 +435,7 @@ TEST_CASE("every compiled wall sweep gives what the reference gives, at walls an
               rolling_scale(walls.table, walls.species[p], choice, c, scale, mirror), 1.0 / mirror, worst);
     }
     CHECK(n_touching > walls.n / 2);
-    CHECK(worst.force < 1e-12);
-    CHECK(worst.torque < 1e-12);
-    CHECK(worst.history < 1e-12);
-    CHECK(worst.energy < 1e-12);
+    check(choice, worst);
   }
 }
 

@@ -1,5 +1,5 @@
-// Lanes: a vector of doubles with arithmetic, and records of four doubles in and out of lanes. The only place that knows
-// Highway. Included once per instruction set (see Highway's foreach_target.h), hence the unusual guard.
+// Lanes: a vector of doubles, or of twice as many floats, with arithmetic, and records of four doubles in and out of lanes. The only
+// place that knows Highway. Included once per instruction set (see Highway's foreach_target.h), hence the unusual guard.
 //
 // Rounding: + - * / sqrt and fma are IEEE operations of each lane, so that the result of a lane depends neither on its place
 // nor on the number of lanes. The compiler may not contract (-ffp-contract=off): what is fused says so.
@@ -13,100 +13,155 @@
 #include <hwy/highway.h>
 
 #include <cstdint>
+#include <type_traits>
 
 HWY_BEFORE_NAMESPACE();
 namespace moraine {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-using Tag = hn::CappedTag<double, 8>;
-inline constexpr int n_lanes = HWY_MAX_BYTES >= 64 ? 8 : HWY_MAX_BYTES >= 8 ? static_cast<int>(HWY_MAX_BYTES / 8) : 1;
+template <typename Real>
+using TagOf = hn::CappedTag<Real, 64 / sizeof(Real)>;
+template <typename Real>
+inline constexpr int n_lanes = HWY_MAX_BYTES >= 64             ? static_cast<int>(64 / sizeof(Real))
+                               : HWY_MAX_BYTES >= sizeof(Real) ? static_cast<int>(HWY_MAX_BYTES / sizeof(Real))
+                                                               : 1;
 
+template <typename Real>
+struct LaneMask {
+  hn::Mask<TagOf<Real>> m;
+  friend HWY_INLINE LaneMask operator&(LaneMask a, LaneMask b) { return {hn::And(a.m, b.m)}; }
+  friend HWY_INLINE LaneMask operator|(LaneMask a, LaneMask b) { return {hn::Or(a.m, b.m)}; }
+  /// b without a.
+  friend HWY_INLINE LaneMask and_not(LaneMask a, LaneMask b) { return {hn::AndNot(a.m, b.m)}; }
+  friend HWY_INLINE bool any(LaneMask a) { return !hn::AllFalse(TagOf<Real>(), a.m); }
+  friend HWY_INLINE bool none(LaneMask a) { return hn::AllFalse(TagOf<Real>(), a.m); }
+  friend HWY_INLINE int count(LaneMask a) { return static_cast<int>(hn::CountTrue(TagOf<Real>(), a.m)); }
+};
+
+/// A number stands for all lanes: 2.0 * x.
+template <typename Real>
 struct Lanes {
+  using Tag = TagOf<Real>;
   hn::Vec<Tag> v;
   Lanes() = default;
   HWY_INLINE Lanes(hn::Vec<Tag> value) : v(value) {}
-  HWY_INLINE Lanes(double value) : v(hn::Set(Tag(), value)) {}
-};
-struct LaneMask {
-  hn::Mask<Tag> m;
-};
+  HWY_INLINE Lanes(double value) : v(hn::Set(Tag(), static_cast<Real>(value))) {}
 
-HWY_INLINE Lanes operator+(Lanes a, Lanes b) { return hn::Add(a.v, b.v); }
-HWY_INLINE Lanes operator-(Lanes a, Lanes b) { return hn::Sub(a.v, b.v); }
-HWY_INLINE Lanes operator*(Lanes a, Lanes b) { return hn::Mul(a.v, b.v); }
-HWY_INLINE Lanes operator/(Lanes a, Lanes b) { return hn::Div(a.v, b.v); }
-HWY_INLINE Lanes operator-(Lanes a) { return hn::Neg(a.v); }
-/// a b + c, rounded once.
-HWY_INLINE Lanes fma(Lanes a, Lanes b, Lanes c) { return hn::MulAdd(a.v, b.v, c.v); }
-/// c - a b, rounded once.
-HWY_INLINE Lanes fnma(Lanes a, Lanes b, Lanes c) { return hn::NegMulAdd(a.v, b.v, c.v); }
-HWY_INLINE Lanes abs(Lanes a) { return hn::Abs(a.v); }
-HWY_INLINE Lanes sqrt(Lanes a) { return hn::Sqrt(a.v); }
-HWY_INLINE Lanes max(Lanes a, Lanes b) { return hn::Max(a.v, b.v); }
-HWY_INLINE Lanes min(Lanes a, Lanes b) { return hn::Min(a.v, b.v); }
-HWY_INLINE LaneMask operator<(Lanes a, Lanes b) { return {hn::Lt(a.v, b.v)}; }
-HWY_INLINE LaneMask operator>(Lanes a, Lanes b) { return {hn::Gt(a.v, b.v)}; }
-HWY_INLINE LaneMask operator&(LaneMask a, LaneMask b) { return {hn::And(a.m, b.m)}; }
-HWY_INLINE bool any(LaneMask a) { return !hn::AllFalse(Tag(), a.m); }
-HWY_INLINE bool none(LaneMask a) { return hn::AllFalse(Tag(), a.m); }
-HWY_INLINE Lanes select(LaneMask m, Lanes yes, Lanes no) { return hn::IfThenElse(m.m, yes.v, no.v); }
-HWY_INLINE Lanes keep_if(LaneMask m, Lanes yes) { return hn::IfThenElseZero(m.m, yes.v); }
-HWY_INLINE Lanes load(const double* p) { return hn::LoadU(Tag(), p); }
-HWY_INLINE void store(double* p, Lanes a) { hn::StoreU(a.v, Tag(), p); }
-HWY_INLINE double sum_of(Lanes a) { return hn::GetLane(hn::SumOfLanes(Tag(), a.v)); }
-HWY_INLINE double max_of(Lanes a) { return hn::GetLane(hn::MaxOfLanes(Tag(), a.v)); }
-HWY_INLINE int count(LaneMask m) { return static_cast<int>(hn::CountTrue(Tag(), m.m)); }
+  friend HWY_INLINE Lanes operator+(Lanes a, Lanes b) { return hn::Add(a.v, b.v); }
+  friend HWY_INLINE Lanes operator-(Lanes a, Lanes b) { return hn::Sub(a.v, b.v); }
+  friend HWY_INLINE Lanes operator*(Lanes a, Lanes b) { return hn::Mul(a.v, b.v); }
+  friend HWY_INLINE Lanes operator/(Lanes a, Lanes b) { return hn::Div(a.v, b.v); }
+  friend HWY_INLINE Lanes operator-(Lanes a) { return hn::Neg(a.v); }
+  /// a b + c, rounded once.
+  friend HWY_INLINE Lanes fma(Lanes a, Lanes b, Lanes c) { return hn::MulAdd(a.v, b.v, c.v); }
+  /// c - a b, rounded once.
+  friend HWY_INLINE Lanes fnma(Lanes a, Lanes b, Lanes c) { return hn::NegMulAdd(a.v, b.v, c.v); }
+  friend HWY_INLINE Lanes abs(Lanes a) { return hn::Abs(a.v); }
+  friend HWY_INLINE Lanes sqrt(Lanes a) { return hn::Sqrt(a.v); }
+  friend HWY_INLINE Lanes max(Lanes a, Lanes b) { return hn::Max(a.v, b.v); }
+  friend HWY_INLINE Lanes min(Lanes a, Lanes b) { return hn::Min(a.v, b.v); }
+  friend HWY_INLINE LaneMask<Real> operator<(Lanes a, Lanes b) { return {hn::Lt(a.v, b.v)}; }
+  friend HWY_INLINE LaneMask<Real> operator>(Lanes a, Lanes b) { return {hn::Gt(a.v, b.v)}; }
+  friend HWY_INLINE Lanes select(LaneMask<Real> m, Lanes yes, Lanes no) { return hn::IfThenElse(m.m, yes.v, no.v); }
+  friend HWY_INLINE Lanes keep_if(LaneMask<Real> m, Lanes yes) { return hn::IfThenElseZero(m.m, yes.v); }
+};
+/// To keep a divisor from being zero: smaller than all that occurs, and one over it is still a number.
+template <typename Real>
+inline constexpr double tiny = sizeof(Real) == 8 ? 1e-300 : 1e-36;
+
+template <typename Real>
+HWY_INLINE Lanes<Real> load(const Real* p) {
+  return hn::LoadU(TagOf<Real>(), p);
+}
+template <typename Real>
+HWY_INLINE void store(Real* p, Lanes<Real> a) {
+  hn::StoreU(a.v, TagOf<Real>(), p);
+}
 /// Cube root of a positive number, to round-off but not rounded exactly; zero for zero.
-HWY_INLINE Lanes cbrt(Lanes a) {
+template <typename Real>
+HWY_INLINE Lanes<Real> cbrt(Lanes<Real> a) {
   // A third of the bits is a third of the exponent and a start within 6 %; each of Newton's steps squares the error.
-  const hn::Repartition<std::uint64_t, Tag> d;
+  using Bits = std::conditional_t<sizeof(Real) == 8, std::uint64_t, std::uint32_t>;
+  constexpr Bits start = sizeof(Real) == 8 ? static_cast<Bits>(0x2A9F789300000000ull) : Bits{0x2A5119F2u};
+  const hn::Repartition<Bits, TagOf<Real>> d;
   const auto bits = hn::BitCast(d, a.v);
-  auto third = hn::Add(hn::ShiftRight<2>(bits), hn::ShiftRight<4>(bits));  // 1/3 = 1/4 + 1/16 + 1/64 ...
-  third = hn::Add(third, hn::ShiftRight<4>(third));
-  third = hn::Add(third, hn::ShiftRight<8>(third));
-  third = hn::Add(third, hn::ShiftRight<16>(third));
-  Lanes x = hn::BitCast(Tag(), hn::Add(third, hn::Set(d, 0x2A9F789300000000ull)));
-  for (int i = 0; i < 4; ++i) x = (x + x + a / (x * x)) * Lanes(1.0 / 3.0);
-  return keep_if(a > Lanes(0.0), x);
+  auto third =
+      hn::Add(hn::template ShiftRight<2>(bits), hn::template ShiftRight<4>(bits));  // 1/3 = 1/4 + 1/16 + 1/64 ...
+  third = hn::Add(third, hn::template ShiftRight<4>(third));
+  third = hn::Add(third, hn::template ShiftRight<8>(third));
+  third = hn::Add(third, hn::template ShiftRight<16>(third));
+  Lanes<Real> x = hn::BitCast(TagOf<Real>(), hn::Add(third, hn::Set(d, start)));
+  for (int i = 0; i < 4; ++i) x = (x + x + a / (x * x)) * (1.0 / 3.0);
+  return keep_if(a > 0.0, x);
 }
 /// One bit a lane, lane 0 lowest.
-HWY_INLINE unsigned bits(LaneMask m) {
+template <typename Real>
+HWY_INLINE unsigned bits(LaneMask<Real> m) {
   std::uint8_t bytes[8] = {0};
-  hn::StoreMaskBits(Tag(), m.m, bytes);
-  return bytes[0];
+  hn::StoreMaskBits(TagOf<Real>(), m.m, bytes);
+  return bytes[0] | static_cast<unsigned>(bytes[1]) << 8;
 }
 /// table[index[lane]] for each lane.
-HWY_INLINE Lanes gather(const double* table, const std::uint8_t* index) {
-  alignas(64) double values[n_lanes];
-  for (int lane = 0; lane < n_lanes; ++lane) values[lane] = table[index[lane]];
-  return hn::Load(Tag(), values);
+template <typename Real>
+HWY_INLINE Lanes<Real> gather(const double* table, const std::uint8_t* index) {
+  alignas(64) Real values[n_lanes<Real>];
+  for (int lane = 0; lane < n_lanes<Real>; ++lane) values[lane] = static_cast<Real>(table[index[lane]]);
+  return hn::Load(TagOf<Real>(), values);
+}
+/// Two vectors of doubles, one behind the other, rounded to one of floats.
+HWY_INLINE Lanes<float> narrowed(Lanes<double> first, Lanes<double> second) {
+  const hn::Half<TagOf<float>> half;
+  return hn::Combine(TagOf<float>(), hn::DemoteTo(half, second.v), hn::DemoteTo(half, first.v));
 }
 
+template <typename Real>
 struct Lanes3 {
-  Lanes x, y, z;
-};
-HWY_INLINE Lanes3 operator+(Lanes3 a, Lanes3 b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
-HWY_INLINE Lanes3 operator-(Lanes3 a, Lanes3 b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-HWY_INLINE Lanes3 operator*(Lanes s, Lanes3 a) { return {s * a.x, s * a.y, s * a.z}; }
-HWY_INLINE Lanes dot(Lanes3 a, Lanes3 b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
-HWY_INLINE Lanes3 fma(Lanes s, Lanes3 a, Lanes3 b) { return {fma(s, a.x, b.x), fma(s, a.y, b.y), fma(s, a.z, b.z)}; }
-HWY_INLINE Lanes3 fnma(Lanes s, Lanes3 a, Lanes3 b) {
-  return {fnma(s, a.x, b.x), fnma(s, a.y, b.y), fnma(s, a.z, b.z)};
-}
-HWY_INLINE Lanes3 cross(Lanes3 a, Lanes3 b) {
-  return {fnma(a.z, b.y, a.y * b.z), fnma(a.x, b.z, a.z * b.x), fnma(a.y, b.x, a.x * b.y)};
-}
-HWY_INLINE Lanes3 select(LaneMask m, Lanes3 yes, Lanes3 no) {
-  return {select(m, yes.x, no.x), select(m, yes.y, no.y), select(m, yes.z, no.z)};
-}
-HWY_INLINE Lanes3 keep_if(LaneMask m, Lanes3 yes) { return {keep_if(m, yes.x), keep_if(m, yes.y), keep_if(m, yes.z)}; }
+  Lanes<Real> x, y, z;
 
-/// Four lanes vectors: component c of n_lanes records of four doubles.
-struct Lanes4 {
-  Lanes a, b, c, d;
-  HWY_INLINE Lanes3 xyz() const { return {a, b, c}; }
+  friend HWY_INLINE Lanes3 operator+(Lanes3 a, Lanes3 b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+  friend HWY_INLINE Lanes3 operator-(Lanes3 a, Lanes3 b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+  friend HWY_INLINE Lanes3 operator*(Lanes<Real> s, Lanes3 a) { return {s * a.x, s * a.y, s * a.z}; }
+  friend HWY_INLINE Lanes<Real> dot(Lanes3 a, Lanes3 b) { return fma(a.x, b.x, fma(a.y, b.y, a.z * b.z)); }
+  friend HWY_INLINE Lanes3 fma(Lanes<Real> s, Lanes3 a, Lanes3 b) {
+    return {fma(s, a.x, b.x), fma(s, a.y, b.y), fma(s, a.z, b.z)};
+  }
+  friend HWY_INLINE Lanes3 fnma(Lanes<Real> s, Lanes3 a, Lanes3 b) {
+    return {fnma(s, a.x, b.x), fnma(s, a.y, b.y), fnma(s, a.z, b.z)};
+  }
+  friend HWY_INLINE Lanes3 cross(Lanes3 a, Lanes3 b) {
+    return {fnma(a.z, b.y, a.y * b.z), fnma(a.x, b.z, a.z * b.x), fnma(a.y, b.x, a.x * b.y)};
+  }
+  friend HWY_INLINE Lanes3 select(LaneMask<Real> m, Lanes3 yes, Lanes3 no) {
+    return {select(m, yes.x, no.x), select(m, yes.y, no.y), select(m, yes.z, no.z)};
+  }
+  friend HWY_INLINE Lanes3 keep_if(LaneMask<Real> m, Lanes3 yes) {
+    return {keep_if(m, yes.x), keep_if(m, yes.y), keep_if(m, yes.z)};
+  }
 };
+template <typename Real>
+Lanes3(Lanes<Real>, Lanes<Real>, Lanes<Real>) -> Lanes3<Real>;
+HWY_INLINE Lanes3<float> narrowed(Lanes3<double> first, Lanes3<double> second) {
+  return {narrowed(first.x, second.x), narrowed(first.y, second.y), narrowed(first.z, second.z)};
+}
+
+/// Four lanes vectors: component c of n_lanes records of four numbers.
+template <typename Real>
+struct Lanes4 {
+  Lanes<Real> a, b, c, d;
+  HWY_INLINE Lanes3<Real> xyz() const { return {a, b, c}; }
+};
+template <typename Real>
+Lanes4(Lanes<Real>, Lanes<Real>, Lanes<Real>, Lanes<Real>) -> Lanes4<Real>;
+HWY_INLINE Lanes4<float> narrowed(Lanes4<double> first, Lanes4<double> second) {
+  return {narrowed(first.a, second.a), narrowed(first.b, second.b), narrowed(first.c, second.c),
+          narrowed(first.d, second.d)};
+}
+/// The first and the second half of a vector of floats as doubles.
+HWY_INLINE Lanes<double> widened_first(Lanes<float> a) { return hn::PromoteTo(TagOf<double>(), hn::LowerHalf(a.v)); }
+HWY_INLINE Lanes<double> widened_second(Lanes<float> a) {
+  return hn::PromoteTo(TagOf<double>(), hn::UpperHalf(hn::Half<TagOf<float>>(), a.v));
+}
 
 #if HWY_MAX_BYTES >= 32 && !defined(MORAINE_SIMD_PORTABLE)
 
@@ -118,6 +173,8 @@ struct Quad {
 HWY_INLINE Quad load_quad(const double* p) { return {hn::Load(QuadTag(), p)}; }
 /// Three doubles, aligned or not, and zero.
 HWY_INLINE Quad load_three(const double* p) { return {hn::MaskedLoad(hn::FirstN(QuadTag(), 3), QuadTag(), p)}; }
+/// Four floats, as doubles.
+HWY_INLINE Quad load_quad(const float* p) { return {hn::PromoteTo(QuadTag(), hn::Load(hn::FixedTag<float, 4>(), p))}; }
 HWY_INLINE void store_quad(double* p, Quad a) { hn::Store(a.v, QuadTag(), p); }
 HWY_INLINE Quad set_quad(double s) { return {hn::Set(QuadTag(), s)}; }
 HWY_INLINE Quad operator+(Quad a, Quad b) { return {hn::Add(a.v, b.v)}; }
@@ -150,62 +207,144 @@ HWY_INLINE bool any_set(Quad seen) { return !hn::AllFalse(QuadTag(), hn::MaskFro
 
 // Four records to four vectors and back. Each 128-bit block holds two doubles; blocks are paired by interleaving, then the
 // odd and even blocks are put together. With eight lanes, lanes 0-3 and 4-7 are two such groups side by side.
-HWY_INLINE void transpose(Lanes4& r) {
-  const auto u0 = hn::InterleaveLower(Tag(), r.a.v, r.b.v);  // x0x1 z0z1
-  const auto u1 = hn::InterleaveLower(Tag(), r.c.v, r.d.v);  // x2x3 z2z3
-  const auto w0 = hn::InterleaveUpper(Tag(), r.a.v, r.b.v);  // y0y1 r0r1
-  const auto w1 = hn::InterleaveUpper(Tag(), r.c.v, r.d.v);
+HWY_INLINE void transpose(Lanes4<double>& r) {
+  const TagOf<double> tag;
+  const auto u0 = hn::InterleaveLower(tag, r.a.v, r.b.v);  // x0x1 z0z1
+  const auto u1 = hn::InterleaveLower(tag, r.c.v, r.d.v);  // x2x3 z2z3
+  const auto w0 = hn::InterleaveUpper(tag, r.a.v, r.b.v);  // y0y1 r0r1
+  const auto w1 = hn::InterleaveUpper(tag, r.c.v, r.d.v);
   r.a = hn::OddEvenBlocks(hn::SwapAdjacentBlocks(u1), u0);
   r.c = hn::OddEvenBlocks(u1, hn::SwapAdjacentBlocks(u0));
   r.b = hn::OddEvenBlocks(hn::SwapAdjacentBlocks(w1), w0);
   r.d = hn::OddEvenBlocks(w1, hn::SwapAdjacentBlocks(w0));
 }
+// A 128-bit block holds a whole record of four floats: four blocks side by side, of lanes 4 b to 4 b + 3.
+HWY_INLINE void transpose(Lanes4<float>& r) {
+  const TagOf<float> tag;
+  const hn::Repartition<double, TagOf<float>> pairs;
+  const auto u0 = hn::BitCast(pairs, hn::InterleaveLower(tag, r.a.v, r.b.v));  // x0x1 y0y1
+  const auto u1 = hn::BitCast(pairs, hn::InterleaveLower(tag, r.c.v, r.d.v));  // x2x3 y2y3
+  const auto w0 = hn::BitCast(pairs, hn::InterleaveUpper(tag, r.a.v, r.b.v));  // z0z1 r0r1
+  const auto w1 = hn::BitCast(pairs, hn::InterleaveUpper(tag, r.c.v, r.d.v));
+  r.a = hn::BitCast(tag, hn::InterleaveLower(pairs, u0, u1));
+  r.b = hn::BitCast(tag, hn::InterleaveUpper(pairs, u0, u1));
+  r.c = hn::BitCast(tag, hn::InterleaveLower(pairs, w0, w1));
+  r.d = hn::BitCast(tag, hn::InterleaveUpper(pairs, w0, w1));
+}
 
+/// The record of lane k, and in vectors of eight that of lane k + 4 behind it: four such rows and a transposition make lanes.
 template <typename Pointer>
-HWY_INLINE Lanes4 load_rows(Pointer record) {
+HWY_INLINE Lanes<double> load_row(Pointer record, int k) {
 #if HWY_MAX_BYTES >= 64
   const QuadTag q;
-  const auto row = [&](int k)
-                       HWY_ATTR { return hn::Combine(Tag(), hn::Load(q, record(k + 4)), hn::Load(q, record(k))); };
+  return hn::Combine(TagOf<double>(), hn::Load(q, record(k + 4)), hn::Load(q, record(k)));
 #else
-  const auto row = [&](int k) HWY_ATTR { return hn::Load(Tag(), record(k)); };
+  return hn::Load(TagOf<double>(), record(k));
 #endif
-  return {row(0), row(1), row(2), row(3)};
+}
+template <typename Pointer>
+HWY_INLINE Lanes4<double> load_rows(Pointer record) {
+  return {load_row(record, 0), load_row(record, 1), load_row(record, 2), load_row(record, 3)};
 }
 
 template <typename Pointer>
-HWY_INLINE void store_rows(Pointer record, const Lanes4& r) {
-  const Lanes rows[4] = {r.a, r.b, r.c, r.d};
+HWY_INLINE void store_rows(Pointer record, const Lanes4<double>& r) {
+  const Lanes<double> rows[4] = {r.a, r.b, r.c, r.d};
   for (int k = 0; k < 4; ++k) {
 #if HWY_MAX_BYTES >= 64
     const QuadTag q;
     hn::Store(hn::LowerHalf(rows[k].v), q, record(k));
     hn::Store(hn::UpperHalf(q, rows[k].v), q, record(k + 4));
 #else
-    hn::Store(rows[k].v, Tag(), record(k));
+    hn::Store(rows[k].v, TagOf<double>(), record(k));
 #endif
   }
 }
 
 /// Records at record(lane), four doubles each, as four vectors.
 template <typename Pointer>
-HWY_INLINE Lanes4 load_records(Pointer record) {
-  Lanes4 r = load_rows(record);
+HWY_INLINE Lanes4<double> load_records(Pointer record) {
+  Lanes4<double> r = load_rows(record);
   transpose(r);
   return r;
 }
 template <typename Pointer>
-HWY_INLINE void store_records(Pointer record, Lanes4 r) {
+HWY_INLINE void store_records(Pointer record, Lanes4<double> r) {
   transpose(r);
   store_rows(record, r);
 }
-/// Difference of the records at a(lane) and b(lane).
+/// Of the rows k of a and b: the difference of the first three numbers, the sum of the last.
 template <typename PointerA, typename PointerB>
-HWY_INLINE Lanes4 load_difference(PointerA a, PointerB b) {
-  const Lanes4 ra = load_rows(a), rb = load_rows(b);
-  Lanes4 r{ra.a - rb.a, ra.b - rb.b, ra.c - rb.c, ra.d - rb.d};
+HWY_INLINE Lanes<double> row_apart(PointerA a, PointerB b, int k) {
+  alignas(64) static constexpr double signs[8] = {-0.0, -0.0, -0.0, 0.0, -0.0, -0.0, -0.0, 0.0};
+  const Lanes<double> turned = hn::Xor(load_row(b, k).v, hn::Load(TagOf<double>(), signs));
+  return load_row(a, k) + turned;
+}
+/// Of the records at a(lane) and b(lane): the difference of the first three numbers, the sum of the last.
+template <typename PointerA, typename PointerB>
+HWY_INLINE Lanes4<double> load_apart(PointerA a, PointerB b) {
+  Lanes4<double> r{row_apart(a, b, 0), row_apart(a, b, 1), row_apart(a, b, 2), row_apart(a, b, 3)};
   transpose(r);
   return r;
+}
+
+/// The same for twice as many rows, rounded to float when all else is done.
+template <typename Row>
+HWY_INLINE Lanes4<float> narrowed_rows(Row row) {
+  constexpr int n = n_lanes<double>;
+  Lanes4<float> r{narrowed(row(0), row(n)), narrowed(row(1), row(n + 1)), narrowed(row(2), row(n + 2)),
+                  narrowed(row(3), row(n + 3))};
+  transpose(r);
+  return r;
+}
+template <typename PointerA, typename PointerB>
+HWY_INLINE Lanes4<float> load_narrowed_apart(PointerA a, PointerB b) {
+  return narrowed_rows([&](int k) HWY_ATTR { return row_apart(a, b, k); });
+}
+template <typename PointerA, typename PointerB>
+HWY_INLINE Lanes4<float> load_narrowed_sum(PointerA a, PointerB b) {
+  return narrowed_rows([&](int k) HWY_ATTR { return load_row(a, k) + load_row(b, k); });
+}
+/// Records of four floats.
+template <typename Pointer>
+HWY_INLINE void store_records(Pointer record, Lanes4<float> r) {
+  transpose(r);
+  const Lanes<float> rows[4] = {r.a, r.b, r.c, r.d};
+  const hn::FixedTag<float, 4> q;
+  for (int k = 0; k < 4; ++k) {
+#if HWY_MAX_BYTES >= 64
+    const hn::FixedTag<float, 8> half;
+    const auto first = hn::LowerHalf(half, rows[k].v), second = hn::UpperHalf(half, rows[k].v);
+    hn::Store(hn::LowerHalf(q, first), q, record(k));
+    hn::Store(hn::UpperHalf(q, first), q, record(k + 4));
+    hn::Store(hn::LowerHalf(q, second), q, record(k + 8));
+    hn::Store(hn::UpperHalf(q, second), q, record(k + 12));
+#else
+    hn::Store(hn::LowerHalf(q, rows[k].v), q, record(k));
+    hn::Store(hn::UpperHalf(q, rows[k].v), q, record(k + 4));
+#endif
+  }
+}
+/// Records of eight floats: those of both.
+template <typename Pointer>
+HWY_INLINE void store_records(Pointer record, Lanes4<float> front, Lanes4<float> back) {
+  transpose(front);
+  transpose(back);
+  const Lanes<float> f[4] = {front.a, front.b, front.c, front.d}, b[4] = {back.a, back.b, back.c, back.d};
+  for (int k = 0; k < 4; ++k) {
+    const auto even = hn::OddEvenBlocks(hn::SwapAdjacentBlocks(b[k].v), f[k].v);
+    const auto odd = hn::OddEvenBlocks(b[k].v, hn::SwapAdjacentBlocks(f[k].v));
+#if HWY_MAX_BYTES >= 64
+    const hn::FixedTag<float, 8> half;
+    hn::StoreU(hn::LowerHalf(half, even), half, record(k));
+    hn::StoreU(hn::LowerHalf(half, odd), half, record(k + 4));
+    hn::StoreU(hn::UpperHalf(half, even), half, record(k + 8));
+    hn::StoreU(hn::UpperHalf(half, odd), half, record(k + 12));
+#else
+    hn::StoreU(even, TagOf<float>(), record(k));
+    hn::StoreU(odd, TagOf<float>(), record(k + 4));
+#endif
+  }
 }
 
 #else  // narrow or unknown vectors: the same results by plain code
@@ -215,6 +354,7 @@ struct Quad {
 };
 HWY_INLINE Quad load_quad(const double* p) { return {{p[0], p[1], p[2], p[3]}}; }
 HWY_INLINE Quad load_three(const double* p) { return {{p[0], p[1], p[2], 0.0}}; }
+HWY_INLINE Quad load_quad(const float* p) { return {{p[0], p[1], p[2], p[3]}}; }
 HWY_INLINE void store_quad(double* p, Quad a) {
   for (int k = 0; k < 4; ++k) p[k] = a.v[k];
 }
@@ -254,23 +394,54 @@ HWY_INLINE Quad where_number(Quad x, Quad a) {
 HWY_INLINE bool any_set(Quad seen) { return seen.v[0] != 0 || seen.v[1] != 0 || seen.v[2] != 0 || seen.v[3] != 0; }
 
 template <typename Pointer>
-HWY_INLINE Lanes4 load_records(Pointer record) {
-  alignas(64) double t[4][n_lanes];
-  for (int lane = 0; lane < n_lanes; ++lane)
+HWY_INLINE Lanes4<double> load_records(Pointer record) {
+  alignas(64) double t[4][n_lanes<double>];
+  for (int lane = 0; lane < n_lanes<double>; ++lane)
     for (int k = 0; k < 4; ++k) t[k][lane] = record(lane)[k];
   return {load(t[0]), load(t[1]), load(t[2]), load(t[3])};
 }
-template <typename Pointer>
-HWY_INLINE void store_records(Pointer record, Lanes4 r) {
-  alignas(64) double t[4][n_lanes];
+template <typename Real, typename Pointer>
+HWY_INLINE void store_plainly(Pointer record, Lanes4<Real> r) {
+  alignas(64) Real t[4][n_lanes<Real>];
   store(t[0], r.a), store(t[1], r.b), store(t[2], r.c), store(t[3], r.d);
-  for (int lane = 0; lane < n_lanes; ++lane)
+  for (int lane = 0; lane < n_lanes<Real>; ++lane)
     for (int k = 0; k < 4; ++k) record(lane)[k] = t[k][lane];
 }
+template <typename Pointer>
+HWY_INLINE void store_records(Pointer record, Lanes4<double> r) {
+  store_plainly<double>(record, r);
+}
 template <typename PointerA, typename PointerB>
-HWY_INLINE Lanes4 load_difference(PointerA a, PointerB b) {
-  const Lanes4 ra = load_records(a), rb = load_records(b);
-  return {ra.a - rb.a, ra.b - rb.b, ra.c - rb.c, ra.d - rb.d};
+HWY_INLINE Lanes4<double> load_apart(PointerA a, PointerB b) {
+  const Lanes4<double> ra = load_records(a), rb = load_records(b);
+  return {ra.a - rb.a, ra.b - rb.b, ra.c - rb.c, ra.d + rb.d};
+}
+template <typename Pointer>
+HWY_INLINE void store_records(Pointer record, Lanes4<float> r) {
+  store_plainly<float>(record, r);
+}
+template <typename Pointer>
+HWY_INLINE void store_records(Pointer record, Lanes4<float> front, Lanes4<float> back) {
+  store_plainly<float>(record, front);
+  store_plainly<float>([&](int lane) HWY_ATTR { return record(lane) + 4; }, back);
+}
+/// The same for twice as many records, rounded to float when all else is done; and sums of all four numbers.
+template <typename Pointer>
+HWY_INLINE auto from_second_half(Pointer record) {
+  return [=](int lane) HWY_ATTR { return record(lane + n_lanes<double>); };
+}
+template <typename PointerA, typename PointerB>
+HWY_INLINE Lanes4<float> load_narrowed_apart(PointerA a, PointerB b) {
+  return narrowed(load_apart(a, b), load_apart(from_second_half(a), from_second_half(b)));
+}
+template <typename PointerA, typename PointerB>
+HWY_INLINE Lanes4<double> load_sum(PointerA a, PointerB b) {
+  const Lanes4<double> ra = load_records(a), rb = load_records(b);
+  return {ra.a + rb.a, ra.b + rb.b, ra.c + rb.c, ra.d + rb.d};
+}
+template <typename PointerA, typename PointerB>
+HWY_INLINE Lanes4<float> load_narrowed_sum(PointerA a, PointerB b) {
+  return narrowed(load_sum(a, b), load_sum(from_second_half(a), from_second_half(b)));
 }
 
 #endif

@@ -29,39 +29,41 @@ namespace moraine {
 namespace HWY_NAMESPACE {
 
 /// What a law needs to know of a contact besides its motion; constant over the steps, so that a uniform scene computes it once.
+template <typename Real>
 struct Constants {
-  Lanes s;  // inverse reduced mass [1/kg]
-  Lanes mu;
-  Lanes k_n, g_n;      // linear: k_n, gamma_n. Hertz: 4/3 E*, b / sqrt(a)
-  Lanes k_t, g_t;      // linear: k_t, gamma_t. Mindlin: 8 G*, gamma_t / sqrt(a). Viscous: -, gamma_t
-  Lanes half_kick;     // dt/2 s_t
-  Lanes four_masses;   // Hertz: 4/s
-  Lanes root_radius;   // Hertz: sqrt(R*)
-  Lanes displacement;  // power: delta_max, or 0
+  Lanes<Real> s;  // inverse reduced mass [1/kg]
+  Lanes<Real> mu;
+  Lanes<Real> k_n, g_n;      // linear: k_n, gamma_n. Hertz: 4/3 E*, b / sqrt(a)
+  Lanes<Real> k_t, g_t;      // linear: k_t, gamma_t. Mindlin: 8 G*, gamma_t / sqrt(a). Viscous: -, gamma_t
+  Lanes<Real> half_kick;     // dt/2 s_t
+  Lanes<Real> four_masses;   // Hertz: 4/s
+  Lanes<Real> root_radius;   // Hertz: sqrt(R*)
+  Lanes<Real> displacement;  // power: delta_max, or 0
 };
 
 /// Parameters of each lane's pair of materials.
+template <typename Real>
 struct RowOf {
   const LawTable* table;
   const std::uint8_t* species;  // of the lanes; nullptr: row 0
-  HWY_INLINE Lanes operator()(Parameter p) const {
+  HWY_INLINE Lanes<Real> operator()(Parameter p) const {
     const double* column = table->column(p);
-    return species ? gather(column, species) : Lanes(column[0]);
+    return species ? gather<Real>(column, species) : Lanes<Real>(column[0]);
   }
 };
 
-template <NormalLaw normal, TangentialLaw tangential, bool has_rotation>
-HWY_INLINE Constants make_constants(RowOf row, Lanes s, Lanes kappa, double dt) {
+template <NormalLaw normal, TangentialLaw tangential, bool has_rotation, typename Real>
+HWY_INLINE Constants<Real> make_constants(RowOf<Real> row, Lanes<Real> s, Lanes<Real> kappa, double dt) {
   constexpr bool has_spring = tangential == TangentialLaw::spring || tangential == TangentialLaw::power;
-  Constants c{};
-  const Lanes one(1.0);
+  Constants<Real> c{};
+  const Lanes<Real> one(1.0);
   c.s = s;
-  c.mu = tangential == TangentialLaw::none ? Lanes(0.0) : row(Parameter::friction);
-  const Lanes beta = row(Parameter::damping);
+  c.mu = tangential == TangentialLaw::none ? 0.0 : row(Parameter::friction);
+  const Lanes<Real> beta = row(Parameter::damping);
   if constexpr (normal == NormalLaw::linear) {
     c.k_n = row(Parameter::normal_stiffness);
-    const Lanes b = beta * sqrt(c.k_n), b_dt = b * Lanes(dt);
-    c.g_n = b * (sqrt(fma(b_dt, b_dt, Lanes(4.0) / s)) - b_dt);
+    const Lanes<Real> b = beta * sqrt(c.k_n), b_dt = b * dt;
+    c.g_n = b * (sqrt(fma(b_dt, b_dt, 4.0 / s)) - b_dt);
     if constexpr (has_spring) {
       c.k_t = row(Parameter::tangential_stiffness);
       c.g_t = row(Parameter::tangential_damping) * c.g_n;
@@ -69,18 +71,17 @@ HWY_INLINE Constants make_constants(RowOf row, Lanes s, Lanes kappa, double dt) 
   } else {
     // With a = sqrt(R* delta): F = 4/3 E* a delta; the dashpot is that of a spring k = 5/6 S_n, S_n = 2 E* a (Tsuji et al. 1992);
     // S_t = 8 G* a (Mindlin 1949), gamma_t = ratio 2 sqrt(5/6) beta sqrt(S_t / s).
-    const Lanes young = row(Parameter::young), damping = Lanes(0.91287092917527685576) * beta;
-    c.k_n = Lanes(4.0 / 3.0) * young;
-    c.g_n = damping * sqrt(Lanes(2.0) * young);
-    c.four_masses = Lanes(4.0) / s;
+    const Lanes<Real> young = row(Parameter::young), damping = 0.91287092917527685576 * beta;
+    c.k_n = (4.0 / 3.0) * young;
+    c.g_n = damping * sqrt(2.0 * young);
+    c.four_masses = 4.0 / s;
     c.root_radius = sqrt(one / kappa);
     if constexpr (tangential == TangentialLaw::mindlin || has_spring) {
-      c.k_t = tangential == TangentialLaw::spring ? row(Parameter::tangential_stiffness)
-                                                  : Lanes(8.0) * row(Parameter::shear);
+      c.k_t = tangential == TangentialLaw::spring ? row(Parameter::tangential_stiffness) : 8.0 * row(Parameter::shear);
       c.g_t = row(Parameter::tangential_damping) * damping * sqrt(c.four_masses * c.k_t);
     }
   }
-  c.half_kick = Lanes(0.5 * dt) * (has_rotation ? Lanes(3.5) * s : s);
+  c.half_kick = (0.5 * dt) * (has_rotation ? 3.5 * s : s);
   if constexpr (tangential == TangentialLaw::viscous) c.g_t = row(Parameter::viscosity);
   if constexpr (tangential == TangentialLaw::power) c.displacement = row(Parameter::displacement);
   return c;

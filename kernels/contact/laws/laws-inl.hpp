@@ -13,11 +13,12 @@ namespace moraine {
 namespace HWY_NAMESPACE {
 
 /// The motion of a contact, one a lane; lanes that do not touch may hold anything.
+template <typename Real>
 struct Motion {
-  Lanes overlap;  // delta [m]
-  Lanes3 normal;  // unit, from b to a
-  Lanes v_n;      // [m/s]
-  Lanes3 v_t;     // [m/s]
+  Lanes<Real> overlap;  // delta [m]
+  Lanes3<Real> normal;  // unit, from b to a
+  Lanes<Real> v_n;      // [m/s]
+  Lanes3<Real> v_t;     // [m/s]
 };
 
 /// How a contact is in the step in which it begins, and in the last ones before it ends. Kicks reach from half a step before the
@@ -30,50 +31,56 @@ struct Motion {
 /// where f is how the dashpot grows with the overlap: 1 if it is constant, q^(1/4) in a Hertz contact. So the kicks of the first (or
 /// last) two positions give together what they should, wherever between two steps the contact begins; w is continuous,
 /// and 0 at q = 0, so that round-off does not decide whether a contact has ended. A contact at rest has q = infinity and w = 1.
+template <typename Real>
 struct Onset {
-  Lanes constant,
-      growing;  // w of dashpots that are constant, and that grow with the root of the radius of the contact area
-  Lanes time;   // for which the contact has moved since the positions before [s]
+  Lanes<Real> constant,
+      growing;       // w of dashpots that are constant, and that grow with the root of the radius of the contact area
+  Lanes<Real> time;  // for which the contact has moved since the positions before [s]
 };
 
 /// w where f = 1: 3/2 q, 2 - q/2, 1.
-HWY_INLINE Lanes weight_of_constant(Lanes q) {
-  return min(Lanes(1.5) * q, max(fnma(Lanes(0.5), q, Lanes(2.0)), Lanes(1.0)));
+template <typename Real>
+HWY_INLINE Lanes<Real> weight_of_constant(Lanes<Real> q) {
+  return min(1.5 * q, max(fnma(0.5, q, 2.0), 1.0));
 }
 
 /// w where f = q^(1/4), F = 4/5 q^(5/4).
-HWY_INLINE Lanes weight_of_growing(Lanes q) {
-  const Lanes one(1.0), first(1.32801830364038591);  // F(3/2)
-  const Lanes later = q + Lanes(0.5);
-  const Lanes whole = Lanes(0.8) * later * sqrt(sqrt(later));
-  const Lanes both = fnma(first, max(q - one, Lanes(0.0)), whole);
-  const Lanes weighted = select(q < one, first * q, both) / sqrt(sqrt(q));
-  return select(q < Lanes(2.0), weighted, one);
+template <typename Real>
+HWY_INLINE Lanes<Real> weight_of_growing(Lanes<Real> q) {
+  const Lanes<Real> one(1.0), first(1.32801830364038591);  // F(3/2)
+  const Lanes<Real> later = q + 0.5;
+  const Lanes<Real> whole = 0.8 * later * sqrt(sqrt(later));
+  const Lanes<Real> both = fnma(first, max(q - one, 0.0), whole);
+  const Lanes<Real> weighted = select(q < one, first * q, both) / sqrt(sqrt(q));
+  return select(q < 2.0, weighted, one);
 }
 
-HWY_INLINE Onset onset_of(const Motion& m, double dt) {
-  const Lanes one(1.0), travel = Lanes(dt) * abs(m.v_n);
-  Onset onset{one, one, Lanes(dt)};
-  const LaneMask is_young = (m.overlap > Lanes(0.0)) & (m.overlap < Lanes(2.0) * travel);
+template <typename Real>
+HWY_INLINE Onset<Real> onset_of(const Motion<Real>& m, double dt) {
+  const Lanes<Real> one(1.0), travel = dt * abs(m.v_n);
+  Onset<Real> onset{one, one, dt};
+  const LaneMask<Real> is_young = (m.overlap > 0.0) & (m.overlap < 2.0 * travel);
   if (none(is_young)) return onset;
-  const Lanes q = m.overlap / travel;
+  const Lanes<Real> q = m.overlap / travel;
   onset.constant = select(is_young, weight_of_constant(q), one);
   onset.growing = select(is_young, weight_of_growing(q), one);
-  onset.time = select(is_young & (m.v_n < Lanes(0.0)), Lanes(dt) * min(q, one), onset.time);
+  onset.time = select(is_young & (m.v_n < 0.0), dt * min(q, one), onset.time);
   return onset;
 }
 
+template <typename Real>
 struct NormalForce {
-  Lanes total;    // F_n with its dashpot [N]
-  Lanes elastic;  // F_n without [N]
-  Lanes dashpot;  // gamma_n [N s/m]
-  Lanes a;        // Hertz: sqrt(R* delta) [m]
-  Lanes root_a;
+  Lanes<Real> total;    // F_n with its dashpot [N]
+  Lanes<Real> elastic;  // F_n without [N]
+  Lanes<Real> dashpot;  // gamma_n [N s/m]
+  Lanes<Real> a;        // Hertz: sqrt(R* delta) [m]
+  Lanes<Real> root_a;
 };
 
 /// F_n = k_n delta - w gamma_n v_n.
-HWY_INLINE NormalForce linear_normal(const Constants& c, const Motion& m, const Onset& onset) {
-  NormalForce f;
+template <typename Real>
+HWY_INLINE NormalForce<Real> linear_normal(const Constants<Real>& c, const Motion<Real>& m, const Onset<Real>& onset) {
+  NormalForce<Real> f;
   f.elastic = c.k_n * m.overlap;
   f.dashpot = onset.constant * c.g_n;
   f.total = fnma(f.dashpot, m.v_n, f.elastic);
@@ -81,32 +88,36 @@ HWY_INLINE NormalForce linear_normal(const Constants& c, const Motion& m, const 
 }
 
 /// F_n = 4/3 E* sqrt(R*) delta^(3/2) - w gamma_n v_n (Hertz 1882; damping: Tsuji, Tanaka & Ishida 1992).
-HWY_INLINE NormalForce hertz_normal(const Constants& c, const Motion& m, const Onset& onset, double dt) {
-  NormalForce f;
+template <typename Real>
+HWY_INLINE NormalForce<Real> hertz_normal(const Constants<Real>& c, const Motion<Real>& m, const Onset<Real>& onset,
+                                          double dt) {
+  NormalForce<Real> f;
   f.a = c.root_radius * sqrt(m.overlap);
   f.root_a = sqrt(f.a);
-  const Lanes b = c.g_n * f.root_a, b_dt = b * Lanes(dt);
+  const Lanes<Real> b = c.g_n * f.root_a, b_dt = b * dt;
   f.dashpot = onset.growing * (b * (sqrt(fma(b_dt, b_dt, c.four_masses)) - b_dt));
   f.elastic = c.k_n * f.a * m.overlap;
   f.total = fnma(f.dashpot, m.v_n, f.elastic);
   return f;
 }
 
+template <typename Real>
 struct TangentialForce {
-  Lanes3 force;  // F_t on a [N]
-  Lanes3 h;      // displacement after the step [m]
-  Lanes energy;  // stored in the displacement [J]; only with the ledger, and with the power law, as what follows
-  Lanes3 after,
+  Lanes3<Real> force;  // F_t on a [N]
+  Lanes3<Real> h;      // displacement after the step [m]
+  Lanes<Real> energy;  // stored in the displacement [J]; only with the ledger, and with the power law, as what follows
+  Lanes3<Real> after,
       before;  // along h: force of the spring, and what it would have been for the displacement before the step [N]
-  LaneMask slides;  // at Coulomb's limit
+  LaneMask<Real> slides;  // at Coulomb's limit
 };
 
 /// Scales f to Coulomb's limit mu F_n where it is beyond; `scale` is by how much (1 elsewhere).
-HWY_INLINE LaneMask cap(const Constants& c, Lanes f_n, Lanes3& f, Lanes& scale) {
-  const Lanes limit = c.mu * max(f_n, Lanes(0.0));
-  const Lanes square = dot(f, f);
-  const LaneMask beyond = square > limit * limit;
-  scale = Lanes(1.0);
+template <typename Real>
+HWY_INLINE LaneMask<Real> cap(const Constants<Real>& c, Lanes<Real> f_n, Lanes3<Real>& f, Lanes<Real>& scale) {
+  const Lanes<Real> limit = c.mu * max(f_n, 0.0);
+  const Lanes<Real> square = dot(f, f);
+  const LaneMask<Real> beyond = square > limit * limit;
+  scale = 1.0;
   if (any(beyond)) {
     scale = select(beyond, limit / sqrt(square), scale);
     f = scale * f;
@@ -115,7 +126,8 @@ HWY_INLINE LaneMask cap(const Constants& c, Lanes f_n, Lanes3& f, Lanes& scale) 
 }
 
 /// h + v_t dt, turned into the tangential plane of this step; in the first step for the time since the contact began.
-HWY_INLINE Lanes3 advance_displacement(const Motion& m, Lanes3 h, Lanes time) {
+template <typename Real>
+HWY_INLINE Lanes3<Real> advance_displacement(const Motion<Real>& m, Lanes3<Real> h, Lanes<Real> time) {
   h = fma(time, m.v_t, h);
   return fnma(dot(h, m.normal), m.normal, h);
 }
@@ -124,57 +136,75 @@ HWY_INLINE Lanes3 advance_displacement(const Motion& m, Lanes3 h, Lanes time) {
 /// the limit leaves of it beside the dashpot, h = (mu F_n - gamma_t v_t)/k_t along the force, but never less than nothing. (Without
 /// this bound it is wound backwards where the dashpot alone is beyond the limit, as when a contact begins; a Mindlin
 /// contact, which then stiffens, pushes along the motion.) It never grows by that.
-HWY_INLINE TangentialForce spring(const Constants& c, const Motion& m, Lanes f_n, Lanes3 h, Lanes time, Lanes k_t,
-                                  Lanes g_t) {
-  TangentialForce t;
-  const Lanes zero(0.0);
+template <typename Real>
+HWY_INLINE TangentialForce<Real> spring(const Constants<Real>& c, const Motion<Real>& m, Lanes<Real> f_n,
+                                        Lanes3<Real> h, Lanes<Real> time, Lanes<Real> k_t, Lanes<Real> g_t) {
+  TangentialForce<Real> t;
+  const Lanes<Real> zero(0.0);
   t.h = advance_displacement(m, h, time);
   t.force = fma(-k_t, t.h, -g_t * m.v_t);
-  const Lanes limit = c.mu * max(f_n, zero), square = dot(t.force, t.force);
+  const Lanes<Real> limit = c.mu * max(f_n, zero), square = dot(t.force, t.force);
   t.slides = square > limit * limit;
   if (none(t.slides)) return t;
-  const Lanes inverse = Lanes(1.0) / sqrt(square);
-  const Lanes left = max(fma(g_t * inverse, dot(m.v_t, t.force), limit), zero);
+  const Lanes<Real> inverse = 1.0 / sqrt(square);
+  const Lanes<Real> left = max(fma(g_t * inverse, dot(m.v_t, t.force), limit), zero);
   t.h = select(t.slides, -(left * inverse / k_t) * t.force, t.h);
-  t.force = select(t.slides, limit * inverse, Lanes(1.0)) * t.force;
+  t.force = select(t.slides, limit * inverse, 1.0) * t.force;
   return t;
+}
+
+/// Of y(x) = 1 - (1 - x)^(3/2), 0 <= x <= 1: y/x, and the integral from 0 to x, x - 2/5 (1 - (1 - x)^(5/2)); so written that nothing
+/// cancels where x is small: 1 - p^(n/2) = (1 - p^n)/(1 + p^(n/2)).
+template <typename Real>
+struct PowerCurve {
+  Lanes<Real> slope, integral;
+};
+template <typename Real>
+HWY_INLINE PowerCurve<Real> power_curve(Lanes<Real> x) {
+  const Lanes<Real> rest = 1.0 - x, rest_3_2 = rest * sqrt(rest), square = x * x;
+  PowerCurve<Real> curve;
+  curve.slope = fma(x, x - 3.0, 3.0) / (1.0 + rest_3_2);
+  const Lanes<Real> over = 1.0 / fma(rest, rest_3_2, 1.0);
+  const Lanes<Real> fifth = fma(x, fma(x, fma(x, x - 5.0, 10.0), -10.0), 5.0);  // (1 - (1 - x)^5)/x
+  const Lanes<Real> other = fma(x, fma(x, fma(-0.4, x, 2.0), -4.0), 4.0);
+  curve.integral = square * over * fnma(fifth, over, other);
+  return curve;
 }
 
 /// F_t = mu F_N (1 - (1 - |h|/delta_max)^(3/2)) against h, constant beyond delta_max (Langston, Tuzun & Heyes 1995, after
 /// Mindlin & Deresiewicz 1953), and a dashpot, under Coulomb's cap. delta_max is given or 3/2 mu F_N / k_t, so that k_t is the
 /// stiffness at no displacement; F_N is the elastic normal force.
-HWY_INLINE TangentialForce power(const Constants& c, const Motion& m, Lanes f_n, Lanes elastic, Lanes3 h, Lanes time,
-                                 Lanes k_t, Lanes g_t) {
-  TangentialForce t;
-  const Lanes tiny(1e-300), one(1.0);
+template <typename Real>
+HWY_INLINE TangentialForce<Real> power(const Constants<Real>& c, const Motion<Real>& m, Lanes<Real> f_n,
+                                       Lanes<Real> elastic, Lanes3<Real> h, Lanes<Real> time, Lanes<Real> k_t,
+                                       Lanes<Real> g_t) {
+  TangentialForce<Real> t;
   t.h = advance_displacement(m, h, time);
-  const Lanes limit = c.mu * max(elastic, Lanes(0.0));
-  const Lanes delta_max = max(select(c.displacement > Lanes(0.0), c.displacement, Lanes(1.5) * limit / k_t), tiny);
-  const Lanes size = max(sqrt(dot(t.h, t.h)), tiny);
-  const Lanes shorten = min(delta_max / size, one);
-  t.h = shorten * t.h;
-  const Lanes x = min(size / delta_max, one);
-  const Lanes rest = one - x, root = sqrt(rest);
-  const Lanes pull = limit * fnma(rest, root, one) / (shorten * size);
-  t.after = pull * t.h;
-  t.force = fma(-g_t, m.v_t, -one * t.after);
-  Lanes scale;
+  const Lanes<Real> limit = c.mu * max(elastic, 0.0);
+  const Lanes<Real> given = select(c.displacement > 0.0, c.displacement, 1.5 * limit / k_t);
+  const Lanes<Real> delta_max = max(given, tiny<Real>);
+  const Lanes<Real> size = sqrt(dot(t.h, t.h));
+  t.h = select(size > delta_max, delta_max / size, 1.0) * t.h;
+  const PowerCurve<Real> curve = power_curve(min(size / delta_max, 1.0));
+  t.after = (limit * curve.slope / delta_max) * t.h;
+  t.force = fma(-g_t, m.v_t, -1.0 * t.after);
+  Lanes<Real> scale;
   // past delta_max it slides, though without a dashpot only round-off tells its force from the limit
-  t.slides.m = hn::Or(cap(c, f_n, t.force, scale).m, (size > delta_max).m);
-  // integral of the law from 0 to |h|
-  t.energy = limit * delta_max * (x - Lanes(0.4) * fnma(rest * rest, root, one));
-  const Lanes size_before = max(sqrt(dot(h, h)), tiny);
-  const Lanes rest_before = one - min(size_before / delta_max, one);
-  t.before = (limit * fnma(rest_before, sqrt(rest_before), one) / size_before) * h;
+  t.slides = cap(c, f_n, t.force, scale) | (size > delta_max);
+  t.energy = limit * delta_max * curve.integral;
+  const Lanes<Real> size_before = sqrt(dot(h, h));
+  const PowerCurve<Real> before = power_curve(min(size_before / delta_max, 1.0));
+  t.before = (limit * before.slope / max(size_before, delta_max)) * h;
   return t;
 }
 
+template <typename Real>
 struct ContactForce {
-  Lanes normal;
-  Lanes3 tangential;
-  Lanes3 h;
-  Lanes energy;                                       // stored tangentially [J]
-  Lanes lost_normal, lost_tangential, lost_friction;  // in this step [J]
+  Lanes<Real> normal;
+  Lanes3<Real> tangential;
+  Lanes3<Real> h;
+  Lanes<Real> energy;                                       // stored tangentially [J]
+  Lanes<Real> lost_normal, lost_tangential, lost_friction;  // in this step [J]
 };
 
 /// The whole contact: normal law, tangential law, and with the ledger where the energy went.
@@ -182,39 +212,40 @@ struct ContactForce {
 /// Losses: the work of a spring over a step is the mean of its forces before and after times the displacement, which for a spring
 /// that sticks is just what it stores; what is missing went to friction or to the dashpot. Dashpots take the velocity in the middle
 /// of the kick, as this contact alone would make it (that of the other contacts is not known here).
-template <NormalLaw normal, TangentialLaw tangential, bool has_ledger>
-HWY_INLINE ContactForce contact_force(const Constants& c, const Motion& m, Lanes3 h, Lanes stored, double dt) {
-  ContactForce f{};
-  NormalForce n;
-  const Onset onset = onset_of(m, dt);
+template <NormalLaw normal, TangentialLaw tangential, bool has_ledger, typename Real>
+HWY_INLINE ContactForce<Real> contact_force(const Constants<Real>& c, const Motion<Real>& m, Lanes3<Real> h,
+                                            Lanes<Real> stored, double dt) {
+  ContactForce<Real> f{};
+  NormalForce<Real> n;
+  const Onset<Real> onset = onset_of(m, dt);
   if constexpr (normal == NormalLaw::linear)
     n = linear_normal(c, m, onset);
   else
     n = hertz_normal(c, m, onset, dt);
   f.normal = n.total;
-  if constexpr (has_ledger) f.lost_normal = n.dashpot * m.v_n * fma(Lanes(0.5 * dt) * c.s, f.normal, m.v_n) * Lanes(dt);
+  if constexpr (has_ledger) f.lost_normal = n.dashpot * m.v_n * fma((0.5 * dt) * c.s, f.normal, m.v_n) * dt;
 
   if constexpr (tangential == TangentialLaw::none) {
-    const Lanes zero(0.0);
+    const Lanes<Real> zero(0.0);
     f.tangential = f.h = {zero, zero, zero};
     f.energy = f.lost_tangential = f.lost_friction = zero;
   } else if constexpr (tangential == TangentialLaw::viscous) {
-    const Lanes g_t = onset.constant * c.g_t;
-    f.tangential = -(g_t / fma(g_t, c.half_kick, Lanes(1.0))) * m.v_t;
-    Lanes scale;
-    const LaneMask slides = cap(c, n.total, f.tangential, scale);
+    const Lanes<Real> g_t = onset.constant * c.g_t;
+    f.tangential = -(g_t / fma(g_t, c.half_kick, 1.0)) * m.v_t;
+    Lanes<Real> scale;
+    const LaneMask<Real> slides = cap(c, n.total, f.tangential, scale);
     if constexpr (has_ledger) {
-      const Lanes lost = -(Lanes(dt) * dot(f.tangential, fma(c.half_kick, f.tangential, m.v_t)));
-      f.energy = Lanes(0.0);
+      const Lanes<Real> lost = -(dt * dot(f.tangential, fma(c.half_kick, f.tangential, m.v_t)));
+      f.energy = 0.0;
       f.lost_friction = keep_if(slides, lost);
       f.lost_tangential = lost - f.lost_friction;
     }
   } else {
     // a Hertz contact grows stiffer with its area, but for a spring of given stiffness
     constexpr bool scales = normal == NormalLaw::hertz && tangential != TangentialLaw::spring;
-    const Lanes k_t = scales ? c.k_t * n.a : c.k_t;
-    const Lanes g_t = scales ? onset.growing * (c.g_t * n.root_a) : onset.constant * c.g_t;
-    TangentialForce t;
+    const Lanes<Real> k_t = scales ? c.k_t * n.a : c.k_t;
+    const Lanes<Real> g_t = scales ? onset.growing * (c.g_t * n.root_a) : onset.constant * c.g_t;
+    TangentialForce<Real> t;
     if constexpr (tangential == TangentialLaw::power)
       t = power(c, m, n.total, n.elastic, h, onset.time, k_t, g_t);
     else
@@ -223,19 +254,19 @@ HWY_INLINE ContactForce contact_force(const Constants& c, const Motion& m, Lanes
     f.h = t.h;
     if constexpr (has_ledger) {
       // that of the spring by its mean before and after, that of the dashpot at the velocity in the middle of the kick
-      Lanes3 after, twice;  // force of the spring against it, and the sum of those before and after
+      Lanes3<Real> after, twice;  // force of the spring against it, and the sum of those before and after
       if constexpr (tangential == TangentialLaw::power) {
         f.energy = t.energy;
         after = t.after;
         twice = t.after + t.before;
       } else {
-        f.energy = Lanes(0.5) * k_t * dot(t.h, t.h);
+        f.energy = 0.5 * k_t * dot(t.h, t.h);
         after = k_t * t.h;
         twice = fma(k_t, h, after);
       }
-      const Lanes3 middle = fma(c.half_kick, t.force, m.v_t);
-      const Lanes work = fnma(Lanes(dt), dot(t.force + after, middle), Lanes(0.5) * onset.time * dot(twice, m.v_t));
-      const Lanes lost = work + (stored - f.energy);
+      const Lanes3<Real> middle = fma(c.half_kick, t.force, m.v_t);
+      const Lanes<Real> work = fnma(dt, dot(t.force + after, middle), 0.5 * onset.time * dot(twice, m.v_t));
+      const Lanes<Real> lost = work + (stored - f.energy);
       f.lost_friction = keep_if(t.slides, lost);
       f.lost_tangential = lost - f.lost_friction;
     }

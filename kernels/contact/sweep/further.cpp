@@ -12,25 +12,7 @@ HWY_BEFORE_NAMESPACE();
 namespace moraine {
 namespace HWY_NAMESPACE {
 
-template <NormalLaw normal, TangentialLaw tangential, bool has_rotation, bool has_ledger>
-ContactKernels further_variant() {
-  return {&sweep_pairs<normal, tangential, has_rotation, false, has_ledger, true>,
-          &sweep_walls<normal, tangential, has_rotation, has_ledger, true>};
-}
-
-template <NormalLaw normal, TangentialLaw tangential>
-ContactKernels further(const LawChoice& choice) {
-  if (choice.has_rotation)
-    return choice.has_ledger ? further_variant<normal, tangential, true, true>()
-                             : further_variant<normal, tangential, true, false>();
-  return choice.has_ledger ? further_variant<normal, tangential, false, true>()
-                           : further_variant<normal, tangential, false, false>();
-}
-
-ContactKernels choose_further(const LawChoice& choice) {
-  return choice.normal == NormalLaw::linear ? further<NormalLaw::linear, TangentialLaw::spring>(choice)
-                                            : further<NormalLaw::hertz, TangentialLaw::mindlin>(choice);
-}
+ContactKernels choose_further(const LawChoice& choice) { return choose_further_law<double>(choice); }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace moraine

@@ -11,16 +11,7 @@ HWY_BEFORE_NAMESPACE();
 namespace moraine {
 namespace HWY_NAMESPACE {
 
-ContactKernels choose_hertz(const LawChoice& choice) {
-  switch (choice.tangential) {
-    case TangentialLaw::none: return choose<NormalLaw::hertz, TangentialLaw::none>(choice);
-    case TangentialLaw::viscous: return choose<NormalLaw::hertz, TangentialLaw::viscous>(choice);
-    case TangentialLaw::spring: return choose<NormalLaw::hertz, TangentialLaw::spring>(choice);
-    case TangentialLaw::mindlin: return choose<NormalLaw::hertz, TangentialLaw::mindlin>(choice);
-    case TangentialLaw::power: return choose<NormalLaw::hertz, TangentialLaw::power>(choice);
-  }
-  return {};
-}
+ContactKernels choose_hertz(const LawChoice& choice) { return choose_hertz_law<double>(choice); }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace moraine

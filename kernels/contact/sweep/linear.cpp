@@ -11,16 +11,7 @@ HWY_BEFORE_NAMESPACE();
 namespace moraine {
 namespace HWY_NAMESPACE {
 
-ContactKernels choose_linear(const LawChoice& choice) {
-  switch (choice.tangential) {
-    case TangentialLaw::none: return choose<NormalLaw::linear, TangentialLaw::none>(choice);
-    case TangentialLaw::viscous: return choose<NormalLaw::linear, TangentialLaw::viscous>(choice);
-    case TangentialLaw::spring: return choose<NormalLaw::linear, TangentialLaw::spring>(choice);
-    case TangentialLaw::power: return choose<NormalLaw::linear, TangentialLaw::power>(choice);
-    case TangentialLaw::mindlin: break;
-  }
-  return {};
-}
+ContactKernels choose_linear(const LawChoice& choice) { return choose_linear_law<double>(choice); }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace moraine

@@ -1,4 +1,6 @@
-// The sweeps: gather, law, scatter. Compiled once per instruction set and combination of laws.
+// The sweeps: gather, law, scatter. Compiled once per instruction set and combination of laws, in double and in mixed precision: there
+// differences of positions, velocities and spins are taken in double, all that follows is done in float, and forces go to
+// slots of floats.
 #if defined(MORAINE_KERNELS_CONTACT_SWEEPS_INL_HPP) == defined(HWY_TARGET_TOGGLE)
 #ifdef MORAINE_KERNELS_CONTACT_SWEEPS_INL_HPP
 #undef MORAINE_KERNELS_CONTACT_SWEEPS_INL_HPP
@@ -14,50 +16,127 @@ HWY_BEFORE_NAMESPACE();
 namespace moraine {
 namespace HWY_NAMESPACE {
 
-template <bool has_rotation, bool has_ledger, bool has_further>
-HWY_INLINE void clear_slots(double* slots) {
-  const Lanes zero(0.0);
-  for (int k = 0; k < slot_size(has_rotation, has_ledger, has_further); ++k) store(slots + k * n_lanes, zero);
+template <bool has_rotation, bool has_ledger, bool has_further, typename Real>
+HWY_INLINE void clear_slots(Real* slots) {
+  const Lanes<Real> zero(0.0);
+  for (int k = 0; k < slot_size(has_rotation, has_ledger, has_further); ++k) store(slots + k * n_lanes<Real>, zero);
 }
 
 /// Separation from the periodic image that each lane's pair is about; most groups have none.
-HWY_INLINE Lanes3 add_image_shift(const PairSweep& sweep, std::int64_t k, Lanes3 d) {
+HWY_INLINE Lanes3<double> add_image_shift(const PairSweep& sweep, std::int64_t k, Lanes3<double> d) {
+  constexpr int n = n_lanes<double>;
   std::uint8_t seen = 0;
-  for (int lane = 0; lane < n_lanes; ++lane) seen = static_cast<std::uint8_t>(seen | sweep.image[k + lane]);
+  for (int lane = 0; lane < n; ++lane) seen = static_cast<std::uint8_t>(seen | sweep.image[k + lane]);
   if (seen == 0) return d;
-  alignas(64) double shift[3][n_lanes];
-  alignas(64) double has_shift[n_lanes];
-  for (int lane = 0; lane < n_lanes; ++lane) {
+  alignas(64) double shift[3][n];
+  alignas(64) double has_shift[n];
+  for (int lane = 0; lane < n; ++lane) {
     const std::uint8_t code = sweep.image[k + lane];
     has_shift[lane] = code != 0 ? 1.0 : 0.0;
     for (int axis = 0; axis < 3; ++axis) shift[axis][lane] = sweep.image_shift[code][axis];
   }
-  const LaneMask shifted = load(has_shift) > Lanes(0.0);
-  return select(shifted, Lanes3{d.x + load(shift[0]), d.y + load(shift[1]), d.z + load(shift[2])}, d);
+  const LaneMask<double> shifted = load(has_shift) > 0.0;
+  return select(shifted, Lanes3<double>{d.x + load(shift[0]), d.y + load(shift[1]), d.z + load(shift[2])}, d);
 }
 
 /// Mobility of rolling about the contact point: of the inertia I + m r^2.
-HWY_INLINE Lanes rolling_mobility(Lanes radius, Lanes inverse_mass, Lanes inverse_inertia) {
+template <typename Real>
+HWY_INLINE Lanes<Real> rolling_mobility(Lanes<Real> radius, Lanes<Real> inverse_mass, Lanes<Real> inverse_inertia) {
   return inverse_mass * inverse_inertia / fma(inverse_inertia, radius * radius, inverse_mass);
 }
 
 /// Lanes in which there is a force: in contact, or not further apart than the attraction reaches; where a contact must be made
 /// first, only if it was.
-HWY_INLINE LaneMask acting(bool has_bonds, LaneMask touches, LaneMask was_bound, Lanes overlap, const Cohesion& c) {
-  LaneMask near = overlap > -c.range;
+template <typename Real>
+HWY_INLINE LaneMask<Real> acting(bool has_bonds, LaneMask<Real> touches, LaneMask<Real> was_bound, Lanes<Real> overlap,
+                                 const Cohesion<Real>& c) {
+  LaneMask<Real> near = overlap > -c.range;
   if (has_bonds) near = near & was_bound;
-  return {hn::Or(touches.m, near.m)};
+  return touches | near;
 }
 
 /// Adds what bonds take along that have broken in this step.
-HWY_INLINE Lanes with_breaks(CohesionLaw law, const Cohesion& c, LaneMask was_bound, LaneMask acts, Lanes lost) {
-  const LaneMask breaks{hn::AndNot(acts.m, was_bound.m)};
+template <typename Real>
+HWY_INLINE Lanes<Real> with_breaks(CohesionLaw law, const Cohesion<Real>& c, LaneMask<Real> was_bound,
+                                   LaneMask<Real> acts, Lanes<Real> lost) {
+  const LaneMask<Real> breaks = and_not(acts, was_bound);
   return any(breaks) ? select(breaks, energy_of_break(law, c), lost) : lost;
 }
 
+/// f(first lane) in double, for as many lanes as there are; in mixed precision two halves, rounded to float when they are done.
+template <typename Real, typename Function>
+HWY_INLINE auto in_double(Function f) {
+  if constexpr (sizeof(Real) == 8)
+    return f(0);
+  else
+    return narrowed(f(0), f(n_lanes<double>));
+}
+
+/// Where the grains of each lane's pair are to each other.
+template <typename Real>
+struct Gap {
+  Lanes3<Real> d;  // x_a - x_b [m]
+  Lanes<Real> square, reach, radius_a, radius_b;
+  Lanes<Real> excess;  // reach^2 - d^2 (mixed precision)
+  LaneMask<Real> touches;
+
+  /// The overlap is a small difference: in float it comes from one that was taken in double, of the squares.
+  HWY_INLINE Lanes<Real> overlap(Lanes<Real> distance) const {
+    if constexpr (sizeof(Real) == 8)
+      return reach - distance;
+    else
+      return excess / (reach + distance);
+  }
+};
+
+/// `at_a`, `at_b`: where the records of a lane's grains are. Where all radii are the same, only their sum is read.
+template <bool is_uniform, typename PointerA, typename PointerB>
+HWY_INLINE Gap<double> gap_in_double(const PairSweep& sweep, std::int64_t k, PointerA at_a, PointerB at_b) {
+  Gap<double> gap;
+  if constexpr (is_uniform) {
+    const Lanes4<double> apart = load_apart(at_a, at_b);
+    gap.d = apart.xyz();
+    gap.reach = apart.d;
+    gap.radius_a = gap.radius_b = sweep.radius;
+  } else {
+    const Lanes4<double> a = load_records(at_a), b = load_records(at_b);
+    gap.d = a.xyz() - b.xyz();
+    gap.reach = a.d + b.d;
+    gap.radius_a = a.d;
+    gap.radius_b = b.d;
+  }
+  if (sweep.image) gap.d = add_image_shift(sweep, k, gap.d);
+  gap.square = dot(gap.d, gap.d);
+  gap.touches = gap.square < gap.reach * gap.reach;
+  return gap;
+}
+template <typename Real, bool is_uniform, typename PointerA, typename PointerB>
+HWY_INLINE Gap<Real> gap_of(const PairSweep& sweep, std::int64_t k, PointerA at_a, PointerB at_b) {
+  if constexpr (sizeof(Real) == 8) {
+    return gap_in_double<is_uniform>(sweep, k, at_a, at_b);
+  } else {
+    constexpr int n = n_lanes<double>;
+    const Gap<double> first = gap_in_double<is_uniform>(sweep, k, at_a, at_b);
+    const Gap<double> second = gap_in_double<is_uniform>(
+        sweep, k + n, [&](int lane) HWY_ATTR { return at_a(lane + n); },
+        [&](int lane) HWY_ATTR { return at_b(lane + n); });
+    const auto excess = [](const Gap<double>& half) HWY_ATTR { return half.reach * half.reach - half.square; };
+    Gap<Real> gap;
+    gap.d = narrowed(first.d, second.d);
+    gap.square = narrowed(first.square, second.square);
+    gap.reach = narrowed(first.reach, second.reach);
+    gap.radius_a = is_uniform ? Lanes<Real>(sweep.radius) : narrowed(first.radius_a, second.radius_a);
+    gap.radius_b = is_uniform ? Lanes<Real>(sweep.radius) : narrowed(first.radius_b, second.radius_b);
+    gap.excess = narrowed(excess(first), excess(second));
+    gap.touches = gap.excess > 0.0;
+    return gap;
+  }
+}
+
 template <NormalLaw normal, TangentialLaw tangential, bool has_rotation, bool is_uniform, bool has_ledger,
-          bool has_further = false>
-SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
+          bool has_further, typename Real>
+SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pairs) {
+  constexpr bool is_mixed = sizeof(Real) < 8;
   constexpr int stride = record_size(has_rotation);
   constexpr int slot = slot_size(has_rotation, has_ledger, has_further);
   constexpr bool remembers = has_history(tangential);
@@ -65,274 +144,388 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, double* slots) {
                               has_further && has_bond(sweep.cohesion)};
   const int n_columns = has_further ? columns.count() : memory_columns(has_ledger);
   constexpr bool is_spinning = has_rotation && tangential != TangentialLaw::none;
+  constexpr bool has_spin_difference = has_further || !is_uniform;
   const double* const records = sweep.records;
+  // Masses, and with them forces and energies, in units that keep their squares within what a float can be; memory is in SI.
+  const Lanes<Real> unit(sweep.mass_unit), in_units(1.0 / sweep.mass_unit);
+  const auto scaled = [&](Lanes<Real> inverse_mass) HWY_ATTR { return is_mixed ? inverse_mass * unit : inverse_mass; };
+  Real* slots = static_cast<Real*>(slots_of_pairs);
   SweepResult result;
-  LaneMask too_deep = Lanes(0.0) > Lanes(1.0);
-  Constants c{};
-  if constexpr (is_uniform)
+  LaneMask<Real> too_deep = Lanes<Real>(0.0) > 1.0;
+  Constants<Real> c{};
+  if constexpr (is_uniform) {
+    const Lanes<Real> radius(sweep.radius);
     c = make_constants<normal, tangential, has_rotation>(
-        {sweep.table, nullptr}, Lanes(2.0 * sweep.inverse_mass),
-        Lanes((sweep.radius + sweep.radius) / (sweep.radius * sweep.radius)), sweep.dt);
-  for (std::int64_t k = pairs.begin; k < pairs.end; k += n_lanes, slots += slot * n_lanes) {
+        RowOf<Real>{sweep.table, nullptr}, scaled(2.0 * sweep.inverse_mass),
+        Lanes<Real>(sweep.radius + sweep.radius) / (radius * radius), sweep.dt);
+  }
+  for (std::int64_t k = pairs.begin; k < pairs.end; k += n_lanes<Real>, slots += slot * n_lanes<Real>) {
     const std::int32_t* const ia = sweep.a + k;
     const std::int32_t* const ib = sweep.b + k;
     const auto at_a = [&](int lane) HWY_ATTR { return records + static_cast<std::int64_t>(ia[lane]) * stride; };
     const auto at_b = [&](int lane) HWY_ATTR { return records + static_cast<std::int64_t>(ib[lane]) * stride; };
     const auto a_plus = [&](int offset) HWY_ATTR { return [=](int lane) HWY_ATTR { return at_a(lane) + offset; }; };
     const auto b_plus = [&](int offset) HWY_ATTR { return [=](int lane) HWY_ATTR { return at_b(lane) + offset; }; };
-
-    const auto mass_at = [&](const std::int32_t* i) HWY_ATTR {  // one over it
-      alignas(64) double values[n_lanes];
-      for (int lane = 0; lane < n_lanes; ++lane)
-        values[lane] = records[static_cast<std::int64_t>(i[lane]) * stride + 7];
-      return load(values);
+    const auto number_at = [&](const std::int32_t* i, int offset) HWY_ATTR {  // one over mass or inertia
+      alignas(64) Real values[n_lanes<Real>];
+      for (int lane = 0; lane < n_lanes<Real>; ++lane)
+        values[lane] = static_cast<Real>(records[static_cast<std::int64_t>(i[lane]) * stride + offset]);
+      return scaled(load(values));
     };
 
-    const Lanes4 pa = load_records(at_a), pb = load_records(at_b);
-    Lanes3 d = pa.xyz() - pb.xyz();
-    if (sweep.image) d = add_image_shift(sweep, k, d);
-    const Lanes square = dot(d, d), reach = pa.d + pb.d;
-    const LaneMask touches = square < reach * reach;
-    double* const history = remembers ? sweep.history + memory_at(k, 0, n_columns) : nullptr;
-    bool is_empty = none(touches);
-    LaneMask was_bound = touches;
+    const Gap<Real> gap = gap_of<Real, is_uniform>(sweep, k, at_a, at_b);
+    const LaneMask<Real> touches = gap.touches;
+    Real* const history = remembers ? static_cast<Real*>(sweep.history) + memory_at(k, 0, n_columns) : nullptr;
+    LaneMask<Real> reached = touches, was_bound = touches;
     if constexpr (has_further) {
-      if (columns.has_bond) was_bound = load(history + columns.bond() * pair_group) > Lanes(0.0);
-      const Lanes widest = reach + Lanes(sweep.range);
-      is_empty = none({hn::Or((square < widest * widest).m, (columns.has_bond ? was_bound : touches).m)});
+      if (columns.has_bond) was_bound = load(history + columns.bond() * pair_group) > 0.0;
+      const Lanes<Real> widest = gap.reach + sweep.range;
+      reached = reached | (gap.square < widest * widest);
+      if (columns.has_bond) reached = reached | was_bound;
     }
-    if (is_empty) {
+    if (none(reached)) {
       clear_slots<has_rotation, has_ledger, has_further>(slots);
       if constexpr (remembers) {
         if constexpr (has_ledger) {
           // what a spring still held when its contact ended counts as friction
-          for (int lane = 0; lane < n_lanes; ++lane) slots[lane * slot + slot - 2] = history[3 * pair_group + lane];
+          for (int lane = 0; lane < n_lanes<Real>; ++lane)
+            slots[lane * slot + slot - 2] =
+                static_cast<Real>(history[3 * pair_group + lane] * (is_mixed ? 1.0 / sweep.mass_unit : 1.0));
         }
-        for (int i = 0; i < n_columns; ++i) store(history + i * pair_group, Lanes(0.0));
+        for (int i = 0; i < n_columns; ++i) store(history + i * pair_group, Lanes<Real>(0.0));
       }
       continue;
     }
-    const Lanes distance = sqrt(square);
-    const Lanes inverse = Lanes(1.0) / distance;
-    Motion m;
-    m.normal = inverse * d;
-    m.overlap = reach - distance;
-    too_deep.m = hn::Or(too_deep.m, (touches & (m.overlap > Lanes(sweep.max_overlap) * min(pa.d, pb.d))).m);
+    const Lanes<Real> distance = sqrt(gap.square);
+    const Lanes<Real> inverse = 1.0 / distance;
+    Motion<Real> m;
+    m.normal = inverse * gap.d;
+    m.overlap = gap.overlap(distance);
+    too_deep = too_deep | (touches & (m.overlap > sweep.max_overlap * min(gap.radius_a, gap.radius_b)));
     result.n_touching += count(touches);
-    const RowOf row{sweep.table, !is_uniform && sweep.species ? sweep.species + k : nullptr};
-    Bodies bodies;
-    Cohesion cohesion;
-    LaneMask acts = touches;
+    const RowOf<Real> row{sweep.table, !is_uniform && sweep.species ? sweep.species + k : nullptr};
+    Bodies<Real> bodies;
+    Cohesion<Real> cohesion;
+    LaneMask<Real> acts = touches;
     if constexpr (has_further) {
-      bodies.radius_a = pa.d;
-      bodies.curvature_b = Lanes(1.0) / pb.d;
-      bodies.reduced_radius = pa.d * pb.d / reach;
+      bodies.radius_a = gap.radius_a;
+      bodies.curvature_b = 1.0 / gap.radius_b;
+      bodies.reduced_radius = gap.radius_a * gap.radius_b / gap.reach;
       cohesion = make_cohesion(sweep.cohesion, row, bodies);
-      acts = acting(columns.has_bond, touches, was_bound, m.overlap, cohesion);
+      // round-off must not decide by what else is in the group
+      acts = acting(columns.has_bond, touches, was_bound, m.overlap, cohesion) & reached;
     }
 
-    const Lanes4 v = load_difference(a_plus(4), b_plus(4));
+    Lanes4<Real> v;  // and the sum of inverse masses
+    if constexpr (is_mixed)
+      v = load_narrowed_apart(a_plus(4), b_plus(4));
+    else
+      v = load_apart(a_plus(4), b_plus(4));
     m.v_n = dot(v.xyz(), m.normal);
-    const Lanes half_overlap = Lanes(0.5) * m.overlap;
-    const Lanes arm_a = pa.d - half_overlap, arm_b = pb.d - half_overlap;
+    const Lanes<Real> half_overlap = 0.5 * m.overlap;
+    const Lanes<Real> arm_a = gap.radius_a - half_overlap, arm_b = gap.radius_b - half_overlap;
     m.v_t = fnma(m.v_n, m.normal, v.xyz());
     if constexpr (is_spinning) {
-      const Lanes4 wa = load_records(a_plus(8)), wb = load_records(b_plus(8));
-      m.v_t = m.v_t - cross(fma(arm_a, wa.xyz(), arm_b * wb.xyz()), m.normal);
+      Lanes3<Real> turning, relative;
+      Lanes<Real> mobility;
+      if constexpr (is_mixed) {
+        const Lanes4<Real> sum = load_narrowed_sum(a_plus(8), b_plus(8));
+        turning = (0.5 * (gap.reach - m.overlap)) * sum.xyz();
+        if constexpr (has_spin_difference) {
+          relative = load_narrowed_apart(a_plus(8), b_plus(8)).xyz();
+          turning = fma(0.5 * (gap.radius_a - gap.radius_b), relative, turning);
+        }
+        mobility = scaled(sum.d);
+      } else {
+        const Lanes4<Real> wa = load_records(a_plus(8)), wb = load_records(b_plus(8));
+        turning = fma(arm_a, wa.xyz(), arm_b * wb.xyz());
+        if constexpr (has_further) relative = wa.xyz() - wb.xyz();
+        mobility = wa.d + wb.d;
+      }
+      m.v_t = m.v_t - cross(turning, m.normal);
       if constexpr (has_further) {
-        bodies.spin = wa.xyz() - wb.xyz();
-        bodies.spin_mobility = wa.d + wb.d;
-        bodies.rolling_mobility = rolling_mobility(pa.d, mass_at(ia), wa.d) + rolling_mobility(pb.d, mass_at(ib), wb.d);
+        bodies.spin = relative;
+        bodies.spin_mobility = mobility;
+        bodies.rolling_mobility = rolling_mobility(gap.radius_a, number_at(ia, 7), number_at(ia, 11)) +
+                                  rolling_mobility(gap.radius_b, number_at(ib, 7), number_at(ib, 11));
       }
     }
     if constexpr (!is_uniform) {
-      const Lanes kappa = normal == NormalLaw::hertz ? (pa.d + pb.d) / (pa.d * pb.d) : Lanes(0.0);
-      c = make_constants<normal, tangential, has_rotation>(row, mass_at(ia) + mass_at(ib), kappa, sweep.dt);
+      const Lanes<Real> kappa = normal == NormalLaw::hertz ? gap.reach / (gap.radius_a * gap.radius_b) : 0.0;
+      c = make_constants<normal, tangential, has_rotation>(row, scaled(v.d), kappa, sweep.dt);
     }
-    Lanes4 h{};
-    if constexpr (remembers)
-      h = {load(history), load(history + pair_group), load(history + 2 * pair_group),
-           has_ledger ? load(history + 3 * pair_group) : Lanes(0.0)};
-    ContactForce f;
-    Lanes3 torque;
+    Lanes4<Real> h{};
+    if constexpr (remembers) {
+      h = {load(history), load(history + pair_group), load(history + 2 * pair_group), 0.0};
+      if constexpr (has_ledger) h.d = load(history + 3 * pair_group);
+      if constexpr (has_ledger && is_mixed) h.d = h.d * in_units;
+    }
+    ContactForce<Real> f;
+    Lanes3<Real> torque;
     if constexpr (has_further) {
-      double* const angle = history + columns.rolling() * pair_group;
-      Lanes3 before{Lanes(0.0), Lanes(0.0), Lanes(0.0)};
+      Real* const angle = history + columns.rolling() * pair_group;
+      Lanes3<Real> before{0.0, 0.0, 0.0};
       if (columns.has_rolling) before = {load(angle), load(angle + pair_group), load(angle + 2 * pair_group)};
-      const FurtherForce further = further_force<normal, tangential, has_rotation, has_ledger>(
+      const FurtherForce<Real> further = further_force<normal, tangential, has_rotation, has_ledger>(
           sweep.cohesion, sweep.rolling, c, cohesion, bodies, row, touches, m, h.xyz(), before, h.d, sweep.dt);
       f = further.contact;
       torque = keep_if(acts, further.rolling.torque);
       if (columns.has_rolling) {
-        const Lanes3 after = keep_if(acts, further.rolling.angle);
+        const Lanes3<Real> after = keep_if(acts, further.rolling.angle);
         store(angle, after.x);
         store(angle + pair_group, after.y);
         store(angle + 2 * pair_group, after.z);
       }
-      if (columns.has_bond) store(history + columns.bond() * pair_group, keep_if(acts, Lanes(1.0)));
+      if (columns.has_bond) store(history + columns.bond() * pair_group, keep_if(acts, Lanes<Real>(1.0)));
     } else {
       f = contact_force<normal, tangential, has_ledger>(c, m, h.xyz(), h.d, sweep.dt);
     }
 
     if constexpr (remembers) {
-      const Lanes3 kept = keep_if(acts, f.h);
+      const Lanes3<Real> kept = keep_if(acts, f.h);
       store(history, kept.x);
       store(history + pair_group, kept.y);
       store(history + 2 * pair_group, kept.z);
-      if constexpr (has_ledger) store(history + 3 * pair_group, keep_if(acts, f.energy));
+      if constexpr (has_ledger) store(history + 3 * pair_group, keep_if(acts, is_mixed ? f.energy * unit : f.energy));
     }
-    const Lanes3 force = keep_if(acts, fma(f.normal, m.normal, f.tangential));
+    const Lanes3<Real> force = keep_if(acts, fma(f.normal, m.normal, f.tangential));
     const auto at_slot = [&](int offset)
                              HWY_ATTR { return [=](int lane) HWY_ATTR { return slots + lane * slot + offset; }; };
     if constexpr (has_rotation) {
-      const Lanes3 moment = keep_if(acts, cross(m.normal, f.tangential));
+      const Lanes3<Real> moment = keep_if(acts, cross(m.normal, f.tangential));
       // a grain that has left lies nowhere, and its arm is not a number
-      store_records(at_slot(0), Lanes4{force.x, force.y, force.z, keep_if(acts, arm_a)});
-      store_records(at_slot(4), Lanes4{moment.x, moment.y, moment.z, keep_if(acts, arm_b)});
-      if constexpr (has_further) store_records(at_slot(8), Lanes4{torque.x, torque.y, torque.z, Lanes(0.0)});
+      const Lanes4<Real> front{force.x, force.y, force.z, keep_if(acts, arm_a)};
+      const Lanes4<Real> back{moment.x, moment.y, moment.z, keep_if(acts, arm_b)};
+      if constexpr (is_mixed) {
+        store_records(at_slot(0), front, back);
+      } else {
+        store_records(at_slot(0), front);
+        store_records(at_slot(4), back);
+      }
+      if constexpr (has_further) store_records(at_slot(8), Lanes4<Real>{torque.x, torque.y, torque.z, 0.0});
     } else {
-      store_records(at_slot(0), Lanes4{force.x, force.y, force.z, Lanes(0.0)});
+      store_records(at_slot(0), Lanes4<Real>{force.x, force.y, force.z, 0.0});
     }
     if constexpr (has_ledger) {
-      Lanes friction = f.lost_friction;
+      Lanes<Real> friction = f.lost_friction;
       if constexpr (remembers)
         friction = select(acts, friction, h.d);
       else
         friction = keep_if(acts, friction);
-      Lanes lost_normal = keep_if(acts, f.lost_normal);
+      Lanes<Real> lost_normal = keep_if(acts, f.lost_normal);
       if constexpr (has_further)
         if (columns.has_bond) lost_normal = with_breaks(sweep.cohesion, cohesion, was_bound, acts, lost_normal);
-      store_records(at_slot(slot - 4), Lanes4{lost_normal, keep_if(acts, f.lost_tangential), friction, Lanes(0.0)});
+      store_records(at_slot(slot - 4), Lanes4<Real>{lost_normal, keep_if(acts, f.lost_tangential), friction, 0.0});
     }
   }
   result.has_large_overlap = any(too_deep);
   return result;
 }
 
-template <NormalLaw normal, TangentialLaw tangential, bool has_rotation, bool has_ledger, bool has_further = false>
+/// Records of four doubles at record(lane), and back.
+template <typename Real, typename Pointer>
+HWY_INLINE Lanes4<Real> load_wide(Pointer record) {
+  return in_double<Real>(
+      [&](int first) HWY_ATTR { return load_records([&](int lane) HWY_ATTR { return record(first + lane); }); });
+}
+template <typename Pointer>
+HWY_INLINE void store_wide(Pointer record, const Lanes4<double>& r) {
+  store_records(record, r);
+}
+template <typename Pointer>
+HWY_INLINE void store_wide(Pointer record, const Lanes4<float>& r) {
+  store_records(record, Lanes4<double>{widened_first(r.a), widened_first(r.b), widened_first(r.c), widened_first(r.d)});
+  store_records([&](int lane) HWY_ATTR { return record(n_lanes<double> + lane); },
+                Lanes4<double>{widened_second(r.a), widened_second(r.b), widened_second(r.c), widened_second(r.d)});
+}
+
+/// In mixed precision what goes in and out stays in double, as there are few touches: only the law is in float.
+template <NormalLaw normal, TangentialLaw tangential, bool has_rotation, bool has_ledger, bool has_further,
+          typename Real>
 SweepResult sweep_walls(const WallSweep& sweep, Range touches_range) {
+  constexpr bool is_mixed = sizeof(Real) < 8;
   constexpr int stride = record_size(has_rotation);
   constexpr int slot = slot_size(has_rotation, has_ledger, has_further);
   constexpr int n_memory = wall_memory_size(has_further);
   constexpr bool remembers = has_history(tangential);
   constexpr bool is_spinning = has_rotation && tangential != TangentialLaw::none;
   const WallTouches& t = sweep.touches;
+  const Lanes<Real> unit(sweep.mass_unit), in_units(1.0 / sweep.mass_unit);
+  const auto scaled = [&](Lanes<Real> inverse_mass) HWY_ATTR { return is_mixed ? inverse_mass * unit : inverse_mass; };
+  const auto in_si = [&](Lanes<Real> force) HWY_ATTR { return is_mixed ? force * unit : force; };
   SweepResult result;
-  LaneMask too_deep = Lanes(0.0) > Lanes(1.0);
-  for (std::int64_t k = touches_range.begin; k < touches_range.end; k += n_lanes) {
+  LaneMask<Real> too_deep = Lanes<Real>(0.0) > 1.0;
+  for (std::int64_t k = touches_range.begin; k < touches_range.end; k += n_lanes<Real>) {
     const std::int32_t* const ia = t.grain + k;
     const auto a_plus = [&](int offset) HWY_ATTR {
       return [=, records = sweep.records](int lane)
                  HWY_ATTR { return records + static_cast<std::int64_t>(ia[lane]) * stride + offset; };
     };
-    const Lanes4 p = load_records(a_plus(0)), v4 = load_records(a_plus(4));
-    const Lanes mirror = load(t.mirror + k), distance = load(t.distance + k);
-    Motion m;
-    m.normal = {load(t.normal_x + k), load(t.normal_y + k), load(t.normal_z + k)};
-    m.overlap = mirror * (p.d - distance);
-    const LaneMask touches = distance < p.d;
-    too_deep.m = hn::Or(too_deep.m, (touches & (p.d - distance > Lanes(sweep.max_overlap) * p.d)).m);
+    const auto column = [&](const double* values) HWY_ATTR {
+      return in_double<Real>([&](int first) HWY_ATTR { return load(values + k + first); });
+    };
+    const Lanes<Real> radius = load_wide<Real>(a_plus(0)).d, inverse_mass = scaled(load_wide<Real>(a_plus(4)).d);
+    const Lanes<Real> mirror = column(t.mirror), distance = column(t.distance);
+    const Lanes<Real> depth = in_double<Real>([&](int first) HWY_ATTR {
+      return load_records([&](int lane) HWY_ATTR { return a_plus(0)(first + lane); }).d - load(t.distance + k + first);
+    });
+    Motion<Real> m;
+    m.normal = {column(t.normal_x), column(t.normal_y), column(t.normal_z)};
+    m.overlap = mirror * depth;
+    const LaneMask<Real> touches = depth > 0.0;
+    too_deep = too_deep | (touches & (depth > sweep.max_overlap * radius));
     result.n_touching += count(touches);
-    const Lanes3 v = v4.xyz() - Lanes3{load(t.velocity_x + k), load(t.velocity_y + k), load(t.velocity_z + k)};
-    const Lanes v_n = dot(v, m.normal);
+    const Lanes3<Real> v = in_double<Real>([&](int first) HWY_ATTR {
+      const std::int64_t at = k + first;
+      const Lanes3<double> wall{load(t.velocity_x + at), load(t.velocity_y + at), load(t.velocity_z + at)};
+      return load_records([&](int lane) HWY_ATTR { return a_plus(4)(first + lane); }).xyz() - wall;
+    });
+    const Lanes<Real> v_n = dot(v, m.normal);
     m.v_n = mirror * v_n;
     // The arm ends at the wall; a mirror image has the same arm, its friction is zero.
-    const Lanes arm = distance;
+    const Lanes<Real> arm = distance;
     m.v_t = fnma(v_n, m.normal, v);
-    Lanes4 spin{};
+    Lanes4<Real> spin{};
     if constexpr (is_spinning) {
-      spin = load_records(a_plus(8));
+      spin = load_wide<Real>(a_plus(8));
+      spin.d = scaled(spin.d);
       m.v_t = m.v_t - cross(arm * spin.xyz(), m.normal);
     }
-    const RowOf row{sweep.table, t.species + k};
-    const Constants c = make_constants<normal, tangential, has_rotation>(row, mirror * v4.d, mirror / p.d, sweep.dt);
+    const RowOf<Real> row{sweep.table, t.species + k};
+    const Constants<Real> c =
+        make_constants<normal, tangential, has_rotation>(row, mirror * inverse_mass, mirror / radius, sweep.dt);
     double* const history = t.history + n_memory * k;
     const auto at_history = [&](int lane) HWY_ATTR { return history + n_memory * lane; };
-    Lanes4 h{};
-    if constexpr (remembers) h = load_records(at_history);
-    ContactForce f;
-    Lanes3 torque;
-    Cohesion cohesion;
-    LaneMask acts = touches, was_bound = touches;
+    Lanes4<Real> h{};
+    if constexpr (remembers) h = load_wide<Real>(at_history);
+    if constexpr (is_mixed) h.d = h.d * in_units;
+    ContactForce<Real> f;
+    Lanes3<Real> torque;
+    Cohesion<Real> cohesion;
+    LaneMask<Real> acts = touches, was_bound = touches;
     if constexpr (has_further) {
       const auto at_angle = [&](int lane) HWY_ATTR { return history + n_memory * lane + 4; };
-      const Lanes4 memory = load_records(at_angle);  // rolling angle, bond
-      was_bound = memory.d > Lanes(0.0);
-      Bodies bodies;
-      bodies.radius_a = p.d;
-      bodies.curvature_b = (mirror - Lanes(1.0)) / p.d;
-      bodies.reduced_radius = p.d / mirror;
+      const Lanes4<Real> memory = load_wide<Real>(at_angle);  // rolling angle, bond
+      was_bound = memory.d > 0.0;
+      Bodies<Real> bodies;
+      bodies.radius_a = radius;
+      bodies.curvature_b = (mirror - 1.0) / radius;
+      bodies.reduced_radius = radius / mirror;
       if constexpr (has_rotation) {  // the image spins the other way round
         bodies.spin = mirror * spin.xyz();
         bodies.spin_mobility = mirror * spin.d;
-        bodies.rolling_mobility = mirror * rolling_mobility(p.d, v4.d, spin.d);
+        bodies.rolling_mobility = mirror * rolling_mobility(radius, inverse_mass, spin.d);
       }
       cohesion = make_cohesion(sweep.cohesion, row, bodies);
       acts = acting(has_bond(sweep.cohesion), touches, was_bound, m.overlap, cohesion);
-      const FurtherForce further = further_force<normal, tangential, has_rotation, has_ledger>(
+      const FurtherForce<Real> further = further_force<normal, tangential, has_rotation, has_ledger>(
           sweep.cohesion, sweep.rolling, c, cohesion, bodies, row, touches, m, h.xyz(), memory.xyz(), h.d, sweep.dt);
       f = further.contact;
       torque = keep_if(acts, further.rolling.torque);
-      const Lanes3 angle = keep_if(acts, further.rolling.angle);
-      const Lanes bond = has_bond(sweep.cohesion) ? keep_if(acts, Lanes(1.0)) : Lanes(0.0);
-      store_records(at_angle, Lanes4{angle.x, angle.y, angle.z, bond});
+      const Lanes3<Real> angle = keep_if(acts, further.rolling.angle);
+      const Lanes<Real> bond = has_bond(sweep.cohesion) ? keep_if(acts, Lanes<Real>(1.0)) : 0.0;
+      store_wide(at_angle, Lanes4<Real>{angle.x, angle.y, angle.z, bond});
     } else {
       f = contact_force<normal, tangential, has_ledger>(c, m, h.xyz(), h.d, sweep.dt);
     }
     if constexpr (remembers) {
-      const Lanes3 kept = keep_if(acts, f.h);
-      store_records(at_history, Lanes4{kept.x, kept.y, kept.z, has_ledger ? keep_if(acts, f.energy) : Lanes(0.0)});
+      const Lanes3<Real> kept = keep_if(acts, f.h);
+      const Lanes<Real> energy = has_ledger ? keep_if(acts, in_si(f.energy)) : 0.0;
+      store_wide(at_history, Lanes4<Real>{kept.x, kept.y, kept.z, energy});
     }
     double* const slots = t.slots + slot * k;
     const auto at_slot = [&](int offset)
                              HWY_ATTR { return [=](int lane) HWY_ATTR { return slots + lane * slot + offset; }; };
-    const Lanes3 force = keep_if(acts, fma(f.normal, m.normal, f.tangential));
+    const auto put = [&](int offset, Lanes3<Real> value, Lanes<Real> last) HWY_ATTR {
+      store_wide(at_slot(offset), Lanes4<Real>{in_si(value.x), in_si(value.y), in_si(value.z), last});
+    };
+    const Lanes3<Real> force = keep_if(acts, fma(f.normal, m.normal, f.tangential));
     if constexpr (has_rotation) {
-      const Lanes3 moment = keep_if(acts, cross(m.normal, f.tangential));
-      store_records(at_slot(0), Lanes4{force.x, force.y, force.z, arm});
-      store_records(at_slot(4), Lanes4{moment.x, moment.y, moment.z, Lanes(0.0)});
-      if constexpr (has_further) store_records(at_slot(8), Lanes4{torque.x, torque.y, torque.z, Lanes(0.0)});
+      put(0, force, arm);
+      put(4, keep_if(acts, cross(m.normal, f.tangential)), 0.0);
+      if constexpr (has_further) put(8, torque, 0.0);
     } else {
-      store_records(at_slot(0), Lanes4{force.x, force.y, force.z, Lanes(0.0)});
+      put(0, force, 0.0);
     }
     if constexpr (has_ledger) {
       // Half of what is lost between a grain and its image is lost in the scene.
-      const Lanes share = Lanes(1.0) / mirror;
-      Lanes friction = f.lost_friction;
+      const Lanes<Real> share = 1.0 / mirror;
+      Lanes<Real> friction = f.lost_friction;
       if constexpr (remembers)
         friction = select(acts, friction, h.d);
       else
         friction = keep_if(acts, friction);
-      Lanes lost_normal = keep_if(acts, f.lost_normal);
+      Lanes<Real> lost_normal = keep_if(acts, f.lost_normal);
       if constexpr (has_further)
         if (has_bond(sweep.cohesion)) lost_normal = with_breaks(sweep.cohesion, cohesion, was_bound, acts, lost_normal);
-      store_records(at_slot(slot - 4), Lanes4{share * lost_normal, keep_if(acts, share * f.lost_tangential),
-                                              share * friction, Lanes(0.0)});
+      put(slot - 4, Lanes3<Real>{share * lost_normal, keep_if(acts, share * f.lost_tangential), share * friction}, 0.0);
     }
   }
   result.has_large_overlap = any(too_deep);
   return result;
 }
 
-template <NormalLaw normal, TangentialLaw tangential, bool has_rotation>
-ContactKernels choose_variant(const LawChoice& choice) {
-  ContactKernels kernels;
-  if (choice.has_ledger) {
-    kernels.pairs = choice.is_uniform ? &sweep_pairs<normal, tangential, has_rotation, true, true>
-                                      : &sweep_pairs<normal, tangential, has_rotation, false, true>;
-    kernels.walls = &sweep_walls<normal, tangential, has_rotation, true>;
-  } else {
-    kernels.pairs = choice.is_uniform ? &sweep_pairs<normal, tangential, has_rotation, true, false>
-                                      : &sweep_pairs<normal, tangential, has_rotation, false, false>;
-    kernels.walls = &sweep_walls<normal, tangential, has_rotation, false>;
-  }
-  return kernels;
+template <typename Real, NormalLaw normal, TangentialLaw tangential, bool has_rotation, bool has_ledger>
+ContactKernels choose_uniform(const LawChoice& choice) {
+  return {choice.is_uniform ? &sweep_pairs<normal, tangential, has_rotation, true, has_ledger, false, Real>
+                            : &sweep_pairs<normal, tangential, has_rotation, false, has_ledger, false, Real>,
+          &sweep_walls<normal, tangential, has_rotation, has_ledger, false, Real>};
 }
 
-template <NormalLaw normal, TangentialLaw tangential>
+template <typename Real, NormalLaw normal, TangentialLaw tangential>
 ContactKernels choose(const LawChoice& choice) {
-  return choice.has_rotation ? choose_variant<normal, tangential, true>(choice)
-                             : choose_variant<normal, tangential, false>(choice);
+  if (choice.has_rotation)
+    return choice.has_ledger ? choose_uniform<Real, normal, tangential, true, true>(choice)
+                             : choose_uniform<Real, normal, tangential, true, false>(choice);
+  return choice.has_ledger ? choose_uniform<Real, normal, tangential, false, true>(choice)
+                           : choose_uniform<Real, normal, tangential, false, false>(choice);
+}
+
+template <typename Real>
+ContactKernels choose_linear_law(const LawChoice& choice) {
+  constexpr NormalLaw linear = NormalLaw::linear;
+  switch (choice.tangential) {
+    case TangentialLaw::none: return choose<Real, linear, TangentialLaw::none>(choice);
+    case TangentialLaw::viscous: return choose<Real, linear, TangentialLaw::viscous>(choice);
+    case TangentialLaw::spring: return choose<Real, linear, TangentialLaw::spring>(choice);
+    case TangentialLaw::power: return choose<Real, linear, TangentialLaw::power>(choice);
+    case TangentialLaw::mindlin: break;
+  }
+  return {};
+}
+
+template <typename Real>
+ContactKernels choose_hertz_law(const LawChoice& choice) {
+  constexpr NormalLaw hertz = NormalLaw::hertz;
+  switch (choice.tangential) {
+    case TangentialLaw::none: return choose<Real, hertz, TangentialLaw::none>(choice);
+    case TangentialLaw::viscous: return choose<Real, hertz, TangentialLaw::viscous>(choice);
+    case TangentialLaw::spring: return choose<Real, hertz, TangentialLaw::spring>(choice);
+    case TangentialLaw::mindlin: return choose<Real, hertz, TangentialLaw::mindlin>(choice);
+    case TangentialLaw::power: return choose<Real, hertz, TangentialLaw::power>(choice);
+  }
+  return {};
+}
+
+template <typename Real, NormalLaw normal, TangentialLaw tangential, bool has_rotation, bool has_ledger>
+ContactKernels further_variant() {
+  return {&sweep_pairs<normal, tangential, has_rotation, false, has_ledger, true, Real>,
+          &sweep_walls<normal, tangential, has_rotation, has_ledger, true, Real>};
+}
+
+template <typename Real, NormalLaw normal, TangentialLaw tangential>
+ContactKernels further_of(const LawChoice& choice) {
+  if (choice.has_rotation)
+    return choice.has_ledger ? further_variant<Real, normal, tangential, true, true>()
+                             : further_variant<Real, normal, tangential, true, false>();
+  return choice.has_ledger ? further_variant<Real, normal, tangential, false, true>()
+                           : further_variant<Real, normal, tangential, false, false>();
+}
+
+template <typename Real>
+ContactKernels choose_further_law(const LawChoice& choice) {
+  return choice.normal == NormalLaw::linear ? further_of<Real, NormalLaw::linear, TangentialLaw::spring>(choice)
+                                            : further_of<Real, NormalLaw::hertz, TangentialLaw::mindlin>(choice);
 }
 
 }  // namespace HWY_NAMESPACE
