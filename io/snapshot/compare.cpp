@@ -112,6 +112,27 @@ void compare_grids(const Image& a, const Image& b, Comparison& result) {
       result.notes.push_back(fmt::format("gas quantity {} is only in B", array.name));
 }
 
+/// What is kept on grids of probes and on triangles of walls: whether it is the same to the bit.
+void compare_fields(const Image& a, const Image& b, Comparison& result) {
+  const auto is_same = [](const std::vector<double>& x, const std::vector<double>& y) {
+    return x.size() == y.size() && (x.empty() || std::memcmp(x.data(), y.data(), x.size() * sizeof(double)) == 0);
+  };
+  if (a.sums.size() != b.sums.size() || a.maps.size() != b.maps.size()) {
+    result.notes.push_back("fields, or maps of forces on walls, are not the same in number");
+    return;
+  }
+  for (std::size_t k = 0; k < a.sums.size(); ++k)
+    if (a.sums[k].name != b.sums[k].name || a.sums[k].n != b.sums[k].n ||
+        !is_same(a.sums[k].values, b.sums[k].values))
+      result.notes.push_back(fmt::format("the sum {} of fields differs", a.sums[k].name));
+  for (std::size_t k = 0; k < a.maps.size(); ++k) {
+    const WallMap &x = a.maps[k], &y = b.maps[k];
+    if (x.name != y.name || !is_same(x.corners, y.corners) || !is_same(x.force, y.force) ||
+        !is_same(x.pressure, y.pressure) || !is_same(x.shear, y.shear))
+      result.notes.push_back(fmt::format("the map of the forces on wall {} differs", x.name));
+  }
+}
+
 /// Histories consist of 64-bit numbers only, without padding.
 template <class Entry>
 bool is_same_entry(const Entry& a, const Entry& b) {
@@ -182,6 +203,7 @@ Comparison compare(const Image& a, const Image& b) {
   if (n_fields_compared == 0 && a.n_grains + b.n_grains > 0)
     result.notes.emplace_back("the two have no field in common");
   compare_grids(a, b, result);
+  compare_fields(a, b, result);
   if (has_history(a) && has_history(b)) {
     compare_histories(a.pairs, b.pairs, "contact histories", result.notes);
     compare_histories(a.further, b.further, "rolling and bonds of pairs", result.notes);

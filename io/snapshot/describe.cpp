@@ -68,6 +68,18 @@ std::string gas_lines(const Image& image) {
   return text;
 }
 
+std::string map_lines(const Image& image) {
+  std::string text;
+  for (const WallMap& map : image.maps) {
+    text += fmt::format("forces on    {}, {} triangles\n", map.name, map.n_triangles());
+    for (const auto& [name, values] : {std::pair("pressure", &map.pressure), std::pair("shear", &map.shear)}) {
+      const Extremes found = extremes(*values, 0, 1);
+      text += fmt::format("  {:<20}{:>16.8g}{:>16.8g}  Pa\n", name, found.least, found.greatest);
+    }
+  }
+  return text;
+}
+
 std::string domain_line(const Image& image) {
   const Vec3 low = image.domain.low, high = image.domain.high;
   std::string text =
@@ -102,6 +114,7 @@ std::string describe(const std::filesystem::path& path) {
   for (const FieldArray& array : image.fields) text += field_lines(array);
   for (const std::string& name : file.unknown) text += fmt::format("  {} (not known to this program)\n", name);
   text += gas_lines(image);
+  text += map_lines(image);
   return text + fmt::format("state hash: {}\n", image.hash.text());
 }
 

@@ -249,6 +249,7 @@ inline Scene flat() {
   s.outlets.push_back({"hole", 2});
   add_probe(s, Probe::Kind::mass, "mass");
   add_probe(s, Probe::Kind::wall_force, "wedge_force", "wedge");
+  add_fields(s, {{0.0, 0.0, -d}, {0.3, 0.3, d}}, {9, 8, 1});
   return s;
 }
 
@@ -343,6 +344,7 @@ inline Scene fluidised_bed() {
   add_probe(s, Probe::Kind::pressure_drop, "pressure_drop");
   add_probe(s, Probe::Kind::gas_profile, "gas_profile");
   add_probe(s, Probe::Kind::gas_mean, "gas_mean");
+  add_fields(s, s.domain.box(), {1, 2, 8});
   return s;
 }
 
@@ -445,7 +447,9 @@ inline Scene drum() {
   turn.ramp = {{0.0, 0.0}, {0.02, 1.0}};
   TriangleMesh shell = shapes::cone_mesh(18, 3, 0.05, 0.05, 0.1);
   for (Vec3& vertex : shell.vertices) vertex.z -= 0.01;
-  add_wall(s, "shell", MeshShape{"shell.stl", shell}, "steel").motion = {turn};
+  WallDefinition& turning = add_wall(s, "shell", MeshShape{"shell.stl", shell}, "steel");
+  turning.motion = {turn};
+  turning.has_force_map = true;
   WallMotion shake;
   shake.kind = Kind::vibrate;
   shake.amplitude = 4e-4;
