@@ -9,6 +9,7 @@
 
 #include "io/checkpoint/image_file.hpp"
 #include "io/export/frames.hpp"
+#include "io/snapshot/xdmf.hpp"
 
 namespace moraine {
 
@@ -58,13 +59,6 @@ std::string time_value(double time) {
       time);
 }
 
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text)
-    out += c == '&' ? "&amp;" : c == '<' ? "&lt;" : c == '>' ? "&gt;" : c == '"' ? "&quot;" : std::string(1, c);
-  return out;
-}
-
 /// Scalars, and vectors of three that follow each other.
 std::string cell_arrays(const std::vector<const GridArray*>& arrays, Appended& data) {
   std::string text;
@@ -74,13 +68,13 @@ std::string cell_arrays(const std::vector<const GridArray*>& arrays, Appended& d
     const bool is_vector = !stem.empty() && i + 2 < arrays.size() && arrays[i + 1]->name == stem + "_y" &&
                            arrays[i + 2]->name == stem + "_z";
     if (!is_vector) {
-      text += data_array("Float64", escaped(name), 1, data.add(arrays[i]->values));
+      text += data_array("Float64", xdmf::escaped(name), 1, data.add(arrays[i]->values));
       continue;
     }
     std::vector<double> values;
     for (std::size_t cell = 0; cell < arrays[i]->values.size(); ++cell)
       for (std::size_t axis = 0; axis < 3; ++axis) values.push_back(arrays[i + axis]->values[cell]);
-    text += data_array("Float64", escaped(stem), 3, data.add(values));
+    text += data_array("Float64", xdmf::escaped(stem), 3, data.add(values));
     i += 2;
   }
   return text;

@@ -122,8 +122,7 @@ void compare_fields(const Image& a, const Image& b, Comparison& result) {
     return;
   }
   for (std::size_t k = 0; k < a.sums.size(); ++k)
-    if (a.sums[k].name != b.sums[k].name || a.sums[k].n != b.sums[k].n ||
-        !is_same(a.sums[k].values, b.sums[k].values))
+    if (a.sums[k].name != b.sums[k].name || a.sums[k].n != b.sums[k].n || !is_same(a.sums[k].values, b.sums[k].values))
       result.notes.push_back(fmt::format("the sum {} of fields differs", a.sums[k].name));
   for (std::size_t k = 0; k < a.maps.size(); ++k) {
     const WallMap &x = a.maps[k], &y = b.maps[k];
