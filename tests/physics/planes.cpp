@@ -6,7 +6,6 @@
 
 #include "engine/walls/walls.hpp"
 #include "tests/physics/laboratory.hpp"
-#include "tests/support/surface_shapes.hpp"
 
 using namespace moraine;
 using namespace moraine::physics;
@@ -267,50 +266,4 @@ TEST_CASE("a heap between two mirrors moves as a quarter of the symmetric whole"
   }
   report("16 grains and two mirrors against 64 grains, 0.06 s: positions differ by at most %.1e radii", worst);
   CHECK(worst < 1e-6);  // round-off, as it grows in a collapsing heap
-}
-
-namespace {
-
-/// A grain that rolls down inside a tube or a funnel whose axis leans, slides along it, and climbs the other side; `n`: facets around, 0: analytic.
-Scene funnel_scene(int n, double radius_top) {
-  Scene scene = empty_scene({-0.03, -0.03, -0.01}, {0.03, 0.03, 0.11}, 2e-6);
-  scene.time.gravity = {0.0, -9.81, 1.0};
-  scene.materials = {{"grain", 2500, 1e8, 0.25}};
-  PairLaw law = pair_law("grain", "grain", 0.6, 0.4);
-  law.normal_stiffness = 1e4;
-  scene.contact.pairs = {law};
-  WallDefinition wall;
-  wall.name = "funnel";
-  wall.material = "grain";
-  if (n > 0)
-    wall.shape = MeshShape{"", shapes::cone_mesh(n, n / 4, 0.02, radius_top, 0.1)};
-  else if (radius_top == 0.02)
-    wall.shape = CylinderShape{{0, 0, 0}, {0, 0, 1}, 0.02, 0.1};
-  else
-    wall.shape = ConeShape{{0, 0, 0}, {0, 0, 1}, 0.02, radius_top, 0.1};
-  scene.walls.push_back(wall);
-  add_grain(scene, "grain", radius, {0.0165, -0.002, 0.02}, {0.0, 0.0, 0.1}, {10, 0, 0});
-  return scene;
-}
-
-Vec3 end_in_funnel(int n, double radius_top) {
-  Simulation run(funnel_scene(n, radius_top), 1);
-  while (run.time() < 0.12) run.step();
-  return state_of(run).position[0];
-}
-
-}  // namespace
-
-TEST_CASE(
-    "a grain in a meshed tube or funnel comes to where it comes in the analytic one, with the square of the facets",
-    "[walls]") {
-  for (const double radius_top : {0.02, 0.012}) {
-    const Vec3 exact = end_in_funnel(0, radius_top);
-    std::vector<double> errors;
-    for (const int n : {60, 120, 240}) errors.push_back(length(end_in_funnel(n, radius_top) - exact));
-    report("funnel to %.3f m: a path of some 50 mm ends %.2e, %.2e, %.2e m away with 60, 120, 240 facets", radius_top,
-           errors[0], errors[1], errors[2]);
-    CHECK(errors[2] < 0.15 * errors[0]);
-    CHECK(errors[2] < 0.1 * radius);
-  }
 }
