@@ -113,7 +113,7 @@ void draw_radii(const Birth& birth, const RandomFill& fill, double region_volume
   }
 }
 
-/// The box in which grains may touch what lies in another, for reach [m]: at most so far from surface to centre.
+/// The box of what lies within `reach` [m] of a box along each axis.
 Box widened(Box box, double reach) {
   box.low -= Vec3{reach, reach, reach};
   box.high += Vec3{reach, reach, reach};
@@ -343,8 +343,9 @@ BareShare fill_lattice(const Birth& birth, const LatticeFill& fill, const Share&
   for (const PackGrain& grain : fixed) occupied.insert(grain);
 
   const double play = 0.5 * std::clamp(fill.jitter, 0.0, 1.0) * (spacing - diameter.largest());
+  const std::uint64_t wanted = fill.count ? static_cast<std::uint64_t>(std::max<std::int64_t>(0, *fill.count)) : ~std::uint64_t{0};
   BareShare share;
-  share.grains.reserve(n_sites);
+  share.grains.reserve(std::min(n_sites, wanted));
   std::uint64_t next_site = first_site;
   rows.for_each_site(own_rows, [&](Vec3 site) {
     const std::uint64_t i = next_site++;
@@ -360,7 +361,6 @@ BareShare fill_lattice(const Birth& birth, const LatticeFill& fill, const Share&
   world.sum(all);
   auto n_grains = all[0];
   if (fill.count) {
-    const auto wanted = static_cast<std::uint64_t>(std::max<std::int64_t>(0, *fill.count));
     if (n_grains < wanted)
       fail(birth, ".fill.count",
            fmt::format("{} grains asked, but the lattice has only {} free sites in {}", wanted, n_grains,

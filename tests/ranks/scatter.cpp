@@ -413,7 +413,7 @@ TEST_CASE("grains of different shares that overlap are told of on all ranks") {
 namespace {
 
 Scene empty_scene() {
-  const std::string group = "[[particles]]\nmaterial = \"glass\"\ndiameter = 0.01\nfill = { count = 0 }\n";
+  const std::string group = "[[particles]]\nmaterial = \"glass\"\ndiameter = 0.01\nfill = { count = 1 }\n";
   Scene scene = read_scene_text(head + group, "scene.toml");
   scene.particles.clear();
   return scene;
