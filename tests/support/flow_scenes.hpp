@@ -638,8 +638,7 @@ inline std::vector<Named> all() {
           {"finely resolved", finely_resolved(), 500},
           {"conveyed", conveyed(), 2500},
           {"flat jet", flat_jet(), 3000},
-          {"cannons", cannons(), 750}};
-=======
+          {"cannons", cannons(), 750},
           {"polydisperse, mixed precision", in_mixed_precision(polydisperse()), 1500},
           {"refilled hopper, mixed precision", in_mixed_precision(refilled_hopper()), 1500},
           {"sticky flow, mixed precision", in_mixed_precision(sticky_flow()), 800}};
