@@ -29,7 +29,7 @@ OUTPUT = """[output]
 snapshots = 0.05
 checkpoints = 0.05
 """
-PATIENCE = 60  # [s] for what takes a second on an idle machine
+PATIENCE = 120  # [s] for what takes a second on an idle machine
 
 ENVIRONMENT = environment_without("OMPI_", "PMIX_")
 AS_ROOT = dict(ENVIRONMENT, OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMP_WAIT_POLICY="passive")
