@@ -117,7 +117,7 @@ void check_same_results(const fs::path& a, const fs::path& b) {
   std::set<std::string> names;
   for (const fs::path& run : {a, b})
     for (const auto& entry : fs::directory_iterator(run / "fields")) names.insert(entry.path().filename().string());
-  CHECK(names.size() == 10);  // HDF5 and CSV, each of 0.02 s
+  CHECK(names.size() >= 10);  // HDF5 and CSV, each of 0.02 s
   for (const std::string& name : names) {
     INFO(name);
     const bool is_same = read_file(a / "fields" / name) == read_file(b / "fields" / name);
