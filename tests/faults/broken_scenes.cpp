@@ -75,7 +75,7 @@ const std::vector<Broken> table = {
      "tables, found one table; write "
      "[[particles]] with two brackets"},
     {"precision that is not", "", "[run]\nprecision = \"single\"",
-     "31: key \"run.precision\" = \"single\": expected \"double\" or \"mixed\""},
+     "31: key \"run.precision\" = \"single\": expected one of \"double\" or \"mixed\""},
     {"balance that is not", "", "[run]\nbalance = \"ranks\"",
      "31: key \"run.balance\" = \"ranks\": expected one of \"auto\", \"threads\", \"cuts\" or \"off\""},
     {"a sweep over nothing that can be stepped", "", "[pareto]\nsteps_per_contact = [20, 1.5]",
