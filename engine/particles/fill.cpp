@@ -343,7 +343,8 @@ BareShare fill_lattice(const Birth& birth, const LatticeFill& fill, const Share&
   for (const PackGrain& grain : fixed) occupied.insert(grain);
 
   const double play = 0.5 * std::clamp(fill.jitter, 0.0, 1.0) * (spacing - diameter.largest());
-  const std::uint64_t wanted = fill.count ? static_cast<std::uint64_t>(std::max<std::int64_t>(0, *fill.count)) : ~std::uint64_t{0};
+  const std::uint64_t wanted =
+      fill.count ? static_cast<std::uint64_t>(std::max<std::int64_t>(0, *fill.count)) : ~std::uint64_t{0};
   BareShare share;
   share.grains.reserve(std::min(n_sites, wanted));
   std::uint64_t next_site = first_site;
