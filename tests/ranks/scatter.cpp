@@ -479,13 +479,14 @@ TEST_CASE("fills of every kind, one into another, are dealt out as one rank make
   listed.fill = boulders;
   LatticeFill few = lattice({{0.0, 0.0, 0.17}, {0.3, 0.25, 0.25}}, 0.011);
   few.count = 700;
-  scene.particles = {listed,
-                     filled(lattice(lower, 0.0105), 0.008, 0.01, 1),
-                     filled(random_fill(middle, 0.1), 0.004, 0.006, 2),
-                     filled(random_fill(middle, 0.05), 0.002, 0.004, 3),
-                     filled(lattice(box, 0.009, LatticeFill::Kind::hexagonal), 0.004, 0.0085, 4),
-                     filled(few, 0.005, 0.006, 5),
-                     filled(random_fill({{0.0, 0.0, 0.2}, {0.3, 0.25, 0.25}}, 0.02), 0.003, 0.004, 6)};
+  scene.particles = {
+      listed,
+      filled(lattice(lower, 0.0105), 0.008, 0.01, 1),
+      filled(random_fill(middle, 0.1), 0.004, 0.006, 2),
+      filled(random_fill(middle, 0.05), 0.002, 0.004, 3),
+      filled(lattice({box.low, {0.3, 0.25, 0.16}}, 0.009, LatticeFill::Kind::hexagonal), 0.004, 0.0085, 4),
+      filled(few, 0.005, 0.006, 5),
+      filled(random_fill({{0.0, 0.0, 0.2}, {0.3, 0.25, 0.25}}, 0.02), 0.003, 0.004, 6)};
   const std::vector<GrainSeed> whole = make_grains(scene, 1);
   CHECK(whole.size() > 5000);
   const World& all = ranks::world();
