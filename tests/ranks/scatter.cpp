@@ -412,9 +412,12 @@ TEST_CASE("grains of different shares that overlap are told of on all ranks") {
 
 namespace {
 
+/// Of glass and steel grains, without any.
 Scene empty_scene() {
-  const std::string group = "[[particles]]\nmaterial = \"glass\"\ndiameter = 0.01\nfill = { count = 1 }\n";
-  Scene scene = read_scene_text(head + group, "scene.toml");
+  std::string groups;
+  for (const char* const material : {"glass", "steel"})
+    groups += fmt::format("[[particles]]\nmaterial = \"{}\"\ndiameter = 0.01\nfill = {{ count = 1 }}\n", material);
+  Scene scene = read_scene_text(head + groups, "scene.toml");
   scene.particles.clear();
   return scene;
 }
