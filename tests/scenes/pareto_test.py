@@ -105,7 +105,7 @@ class Pareto(unittest.TestCase):
         self.pareto(0)
         first = self.settings()
         again = self.pareto(0, "--set", "pareto.accept=0.5", "--set", "pareto.steps_per_contact=[10, 40, 20]")
-        self.assertRegex(again.stdout, r"5 of 7 runs are done already|6 of 7 runs are done already")
+        self.assertRegex(again.stdout, r"6 of 8 runs are done already|7 of 8 runs are done already")
         self.assertEqual(self.settings()["10 steps a contact"]["errors"], first["10 steps a contact"]["errors"])
         moved = self.pareto(0, layout="1x2")
         self.assertIn("pareto on 1x1, now pareto on 1x2", moved.stdout)
@@ -149,7 +149,7 @@ class Pareto(unittest.TestCase):
             job.send_signal(signal.SIGINT)
             said, errors = job.communicate(timeout=PATIENCE)
         self.assertEqual(job.returncode, 130, said + errors)
-        self.assertRegex(said, r"ended by signal 2: [2345] of 6 runs done, and kept in ")
+        self.assertRegex(said, r"ended by signal 2: [2345] of 7 runs done, and kept in ")
         done = self.pareto(0, *more)
         self.assertRegex(done.stdout, r"[2345] of 6 runs are done already")
 
