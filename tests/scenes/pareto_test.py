@@ -151,7 +151,7 @@ class Pareto(unittest.TestCase):
         self.assertEqual(job.returncode, 130, said + errors)
         self.assertRegex(said, r"ended by signal 2: [2345] of 7 runs done, and kept in ")
         done = self.pareto(0, *more)
-        self.assertRegex(done.stdout, r"[2345] of 6 runs are done already")
+        self.assertRegex(done.stdout, r"[2345] of 7 runs are done already")
 
     def test_what_is_wrong_is_said_before_anything_is_run(self):
         for change, text in (('pareto.values=["all.speed"]', "no such column; it has"),
