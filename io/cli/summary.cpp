@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 #include <numeric>
+#include <type_traits>
 
 #include "io/checkpoint/durable_file.hpp"
 #include "io/cli/layout.hpp"
@@ -51,46 +52,100 @@ std::vector<NamedWork> work_of_steps(const Simulation& simulation, const RunMark
   return rows;
 }
 
-Json json_of(const NamedWork& row) {
-  return {{"phase", row.phase},           {"seconds", row.work.seconds}, {"waited", row.work.waited},
-          {"working", row.work.working},  {"held", row.work.held},       {"threads", row.work.threads},
-          {"barriers", row.work.barriers}};
+template <typename Row, typename Struct>
+concept IsMaybeConst = std::is_same_v<std::remove_const_t<Row>, Struct>;
+
+/// What summary.json calls the members of a struct: f(name, member) for each, to write them and to read them back.
+template <IsMaybeConst<NamedWork> Row, typename Function>
+void each_member(Row& row, Function f) {
+  f("phase", row.phase);
+  f("seconds", row.work.seconds);
+  f("waited", row.work.waited);
+  f("working", row.work.working);
+  f("held", row.work.held);
+  f("threads", row.work.threads);
+  f("barriers", row.work.barriers);
 }
 
-NamedWork work_of(const Json& json) {
-  NamedWork row;
-  json.at("phase").get_to(row.phase);
-  json.at("seconds").get_to(row.work.seconds);
-  json.at("waited").get_to(row.work.waited);
-  json.at("working").get_to(row.work.working);
-  json.at("held").get_to(row.work.held);
-  json.at("threads").get_to(row.work.threads);
-  json.at("barriers").get_to(row.work.barriers);
+template <IsMaybeConst<BalanceTotals> Row, typename Function>
+void each_member(Row& balance, Function f) {
+  f("looks", balance.n_looks);
+  f("core_moves", balance.n_core_moves);
+  f("cut_moves", balance.n_cut_moves);
+  f("imbalance", balance.imbalance);
+  f("imbalance_at_home", balance.imbalance_at_home);
+  f("last_imbalance", balance.last_imbalance);
+  f("node_imbalance", balance.node_imbalance);
+  f("threads", balance.n_threads);
+}
+
+template <IsMaybeConst<RankSummary> Row, typename Function>
+void each_member(Row& rank, Function f) {  // all but the work
+  f("node", rank.places.node);
+  f("grains", rank.n_grains);
+  f("pairs", rank.n_pairs);
+  f("ghosts", rank.n_ghosts);
+  f("neighbours", rank.n_neighbours);
+  f("messages_per_step", rank.n_messages);
+  f("bytes_per_step", rank.n_bytes);
+  f("migrated", rank.n_migrated);
+  f("stepping_seconds", rank.stepping);
+  f("start_seconds", rank.start);
+  f("output_seconds", rank.outputs);
+  f("reduction_seconds", rank.reductions);
+  f("parcel_seconds", rank.parcels);
+  f("phase_seconds", rank.phases);
+  f("memory", rank.memory);
+  f("peak_memory", rank.peak_memory);
+  f("cpus_allowed", rank.places.n_allowed);
+  f("cpus_before", rank.places.cpus_before);
+  f("cpus", rank.places.cpus);
+  f("cores", rank.places.cores);
+}
+
+template <IsMaybeConst<GasTotals> Row, typename Function>
+void each_member(Row& gas, Function f) {
+  f("steps", gas.n_steps);
+  f("parts", gas.n_parts);
+  f("iterations", gas.n_iterations);
+  f("mass_imbalance", gas.imbalance);
+  f("cells_floored", gas.n_floored);
+  f("least_void_fraction", gas.least_void_fraction);
+  f("momentum_error", gas.momentum_error);
+}
+
+template <typename Row>
+Json json_of(const Row& row) {
+  Json json;
+  each_member(row, [&](const char* name, const auto& member) { json[name] = member; });
+  return json;
+}
+
+template <typename Row>
+Row read(const Json& json) {
+  Row row;
+  each_member(row, [&](const char* name, auto& member) { json.at(name).get_to(member); });
   return row;
 }
 
-Json json_of(const BalanceTotals& balance, const std::string& mode) {
-  return {{"mode", mode},
-          {"looks", balance.n_looks},
-          {"core_moves", balance.n_core_moves},
-          {"cut_moves", balance.n_cut_moves},
-          {"imbalance", balance.imbalance},
-          {"imbalance_at_home", balance.imbalance_at_home},
-          {"last_imbalance", balance.last_imbalance},
-          {"node_imbalance", balance.node_imbalance},
-          {"threads", balance.n_threads}};
+Json balance_json(const RunSummary& run) {
+  Json json = {{"mode", run.balance_mode}};
+  json.update(json_of(run.balance));
+  return json;
 }
 
-void read_balance(const Json& json, RunSummary& run) {
-  json.at("mode").get_to(run.balance_mode);
-  json.at("looks").get_to(run.balance.n_looks);
-  json.at("core_moves").get_to(run.balance.n_core_moves);
-  json.at("cut_moves").get_to(run.balance.n_cut_moves);
-  json.at("imbalance").get_to(run.balance.imbalance);
-  json.at("imbalance_at_home").get_to(run.balance.imbalance_at_home);
-  json.at("last_imbalance").get_to(run.balance.last_imbalance);
-  json.at("node_imbalance").get_to(run.balance.node_imbalance);
-  json.at("threads").get_to(run.balance.n_threads);
+Json rank_json(const RankSummary& rank) {
+  Json json = json_of(rank);
+  json["work"] = Json::array();
+  for (const NamedWork& row : rank.work) json["work"].push_back(json_of(row));
+  return json;
+}
+
+RankSummary rank_of(const Json& json) {
+  RankSummary rank = read<RankSummary>(json);
+  if (const auto work = json.find("work"); work != json.end())  // older ones have none
+    for (const Json& row : *work) rank.work.push_back(read<NamedWork>(row));
+  return rank;
 }
 
 const char* word_for(Balance balance) {
@@ -120,59 +175,6 @@ RankSummary this_rank(const Simulation& simulation, const RunTimes& times, const
   rank.places = {node_name(), mark.cpus, times.cpus, {}, available_cores()};
   for (const int cpu : rank.places.cpus) rank.places.cores.push_back(core_of(cpu));
   rank.work = work_of_steps(simulation, mark);
-  return rank;
-}
-
-Json json_of(const RankSummary& rank) {
-  Json work = Json::array();
-  for (const NamedWork& row : rank.work) work.push_back(json_of(row));
-  return {{"node", rank.places.node},
-          {"grains", rank.n_grains},
-          {"pairs", rank.n_pairs},
-          {"ghosts", rank.n_ghosts},
-          {"neighbours", rank.n_neighbours},
-          {"messages_per_step", rank.n_messages},
-          {"bytes_per_step", rank.n_bytes},
-          {"migrated", rank.n_migrated},
-          {"stepping_seconds", rank.stepping},
-          {"start_seconds", rank.start},
-          {"output_seconds", rank.outputs},
-          {"reduction_seconds", rank.reductions},
-          {"parcel_seconds", rank.parcels},
-          {"phase_seconds", rank.phases},
-          {"memory", rank.memory},
-          {"peak_memory", rank.peak_memory},
-          {"cpus_allowed", rank.places.n_allowed},
-          {"cpus_before", rank.places.cpus_before},
-          {"cpus", rank.places.cpus},
-          {"cores", rank.places.cores},
-          {"work", work}};
-}
-
-RankSummary rank_of(const Json& json) {
-  RankSummary rank;
-  json.at("node").get_to(rank.places.node);
-  json.at("grains").get_to(rank.n_grains);
-  json.at("pairs").get_to(rank.n_pairs);
-  json.at("ghosts").get_to(rank.n_ghosts);
-  json.at("neighbours").get_to(rank.n_neighbours);
-  json.at("messages_per_step").get_to(rank.n_messages);
-  json.at("bytes_per_step").get_to(rank.n_bytes);
-  json.at("migrated").get_to(rank.n_migrated);
-  json.at("stepping_seconds").get_to(rank.stepping);
-  json.at("start_seconds").get_to(rank.start);
-  json.at("output_seconds").get_to(rank.outputs);
-  json.at("reduction_seconds").get_to(rank.reductions);
-  json.at("parcel_seconds").get_to(rank.parcels);
-  json.at("phase_seconds").get_to(rank.phases);
-  json.at("memory").get_to(rank.memory);
-  json.at("peak_memory").get_to(rank.peak_memory);
-  json.at("cpus_allowed").get_to(rank.places.n_allowed);
-  json.at("cpus_before").get_to(rank.places.cpus_before);
-  json.at("cpus").get_to(rank.places.cpus);
-  json.at("cores").get_to(rank.places.cores);
-  if (const auto work = json.find("work"); work != json.end())  // older ones have none
-    for (const Json& row : *work) rank.work.push_back(work_of(row));
   return rank;
 }
 
@@ -217,28 +219,6 @@ Json derived_json(const RunSummary& run) {
             {"waiting_for_threads", use.waiting_threads}}}};
 }
 
-Json json_of(const GasTotals& gas) {
-  return {{"steps", gas.n_steps},
-          {"parts", gas.n_parts},
-          {"iterations", gas.n_iterations},
-          {"mass_imbalance", gas.imbalance},
-          {"cells_floored", gas.n_floored},
-          {"least_void_fraction", gas.least_void_fraction},
-          {"momentum_error", gas.momentum_error}};
-}
-
-GasTotals gas_of(const Json& json) {
-  GasTotals gas;
-  json.at("steps").get_to(gas.n_steps);
-  json.at("parts").get_to(gas.n_parts);
-  json.at("iterations").get_to(gas.n_iterations);
-  json.at("mass_imbalance").get_to(gas.imbalance);
-  json.at("cells_floored").get_to(gas.n_floored);
-  json.at("least_void_fraction").get_to(gas.least_void_fraction);
-  json.at("momentum_error").get_to(gas.momentum_error);
-  return gas;
-}
-
 RunSummary summary_of(const Json& json) {
   RunSummary run;
   json.at("scene").at("file").get_to(run.scene_file);
@@ -263,8 +243,11 @@ RunSummary summary_of(const Json& json) {
   json.at("cuts").get_to(run.n_cuts);
   json.at("state_hash").get_to(run.hash);
   if (const auto warnings = json.find("warnings"); warnings != json.end()) warnings->get_to(run.warnings);
-  if (const auto gas = json.find("gas"); gas != json.end()) run.gas = gas_of(*gas);
-  if (const auto balance = json.find("balance"); balance != json.end()) read_balance(*balance, run);
+  if (const auto gas = json.find("gas"); gas != json.end()) run.gas = read<GasTotals>(*gas);
+  if (const auto balance = json.find("balance"); balance != json.end()) {
+    balance->at("mode").get_to(run.balance_mode);
+    run.balance = read<BalanceTotals>(*balance);
+  }
   for (const Json& phase : json.at("phases")) run.phases.push_back(phase.at("name"));
   for (const Json& rank : json.at("ranks")) {
     run.ranks.push_back(rank_of(rank));
@@ -413,7 +396,7 @@ RunSummary summarize(const Simulation& simulation, const RunTimes& times, const 
   RunSummary run;
   run.hash = simulation.state_hash().text();  // first: it wants the pair list, which a checkpoint sets aside
   const std::vector<PhaseTime> phases = phases_of_steps(simulation, times, mark);
-  const std::string own = json_of(this_rank(simulation, times, mark, phases)).dump();
+  const std::string own = rank_json(this_rank(simulation, times, mark, phases)).dump();
   for (const std::string& text : simulation.world().gather_at_root(own))
     run.ranks.push_back(rank_of(Json::parse(text)));
   for (const PhaseTime& phase : phases) run.phases.push_back(phase.name);
@@ -479,12 +462,12 @@ std::string summary_json(const RunSummary& run) {
                {"rebuilds", run.n_rebuilds},
                {"looks", run.n_looks},
                {"cuts", run.n_cuts},
-               {"balance", json_of(run.balance, run.balance_mode)},
+               {"balance", balance_json(run)},
                {"phases", phases_json(run)},
                {"state_hash", run.hash}});
   if (!run.warnings.empty()) json["warnings"] = run.warnings;
   if (run.gas) json["gas"] = json_of(*run.gas);
-  for (const RankSummary& rank : run.ranks) json["ranks"].push_back(json_of(rank));
+  for (const RankSummary& rank : run.ranks) json["ranks"].push_back(rank_json(rank));
   // Names of files need not be UTF-8.
   return json.dump(2, ' ', false, Json::error_handler_t::replace) + '\n';
 }
