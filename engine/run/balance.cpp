@@ -312,11 +312,12 @@ Balancer::Decision Balancer::look(const Measure& now) {
   const std::vector<double> all = world_.gather(std::span<const double>(own));
   const auto value = [&](std::size_t rank, std::size_t k) { return all[rank * own.size() + k]; };
   const auto n_ranks = at(world_.size());
-  double all_counted = 0.0, all_worked = 0.0, longest = 0.0, rebuilding = 0.0;
+  double all_counted = 0.0, all_worked = 0.0, longest = 0.0, busiest = 0.0, rebuilding = 0.0;
   for (std::size_t rank = 0; rank < n_ranks; ++rank) {
     all_counted += value(rank, 0);
     all_worked += value(rank, 1);
     longest = std::max(longest, value(rank, 2));
+    busiest = std::max(busiest, value(rank, 1) / shares_[rank].n_threads());
     rebuilding = std::max(rebuilding, value(rank, 9));
   }
   // Counted, and each rank's count weighed by what it was measured to cost there: not by more than a noisy machine may mislead.
@@ -334,13 +335,16 @@ Balancer::Decision Balancer::look(const Measure& now) {
   view.work = work;
   view.n_threads = n_threads_;
   view.shares = shares_;
-  view.seconds_a_step = n_steps > 0.0 ? longest / n_steps : 0.0;
-  view.steps_ahead = std::max(500.0, static_cast<double>(now.step - last_cut_));
+  view.seconds_a_step = n_steps > 0.0 ? busiest / n_steps : 0.0;
+  // A division that did not last is not taken for one that will.
+  view.steps_ahead = totals_.n_cut_moves > 0 ? static_cast<double>(now.step - last_cut_)
+                                             : std::max(500.0, static_cast<double>(now.step));
   const auto n_rebuilds = static_cast<double>(now.n_rebuilds - before_.n_rebuilds);
   view.cut_seconds = cut_seconds_ > 0.0 ? cut_seconds_ : n_rebuilds > 0.0 ? 3.0 * rebuilding / n_rebuilds : 0.0;
   const BalancePlan plan = plan_balance(view);
 
-  note_gain(view.seconds_a_step, now.step);
+  const double seconds_a_step = n_steps > 0.0 ? longest / n_steps : 0.0;
+  note_gain(seconds_a_step, now.step);
   const auto k = static_cast<double>(++totals_.n_looks);
   totals_.imbalance += (plan.now - totals_.imbalance) / k;
   totals_.imbalance_at_home += (plan.at_home - totals_.imbalance_at_home) / k;
@@ -355,14 +359,13 @@ Balancer::Decision Balancer::look(const Measure& now) {
   }
   add_rows(now, all, work);
   if (plan.moves_cuts || plan.moves_cores) {
-    if (world_.is_root())
-      notes_.push_back(fmt::format(
-          "balance at step {}: {}{}{}; the longest rank took {:.2f} times the mean, forecast {:.2f}", now.step,
-          plan.moves_cuts ? "cuts between ranks move" : "", plan.moves_cuts && plan.moves_cores ? ", " : "",
-          plan.moves_cores ? "cores of the ranks " + shares_text(shares_) + " -> " + shares_text(plan.shares) : "",
-          plan.now, plan.forecast));
+    note(fmt::format(
+        "balance at step {}: {}{}{}; the longest rank took {:.2f} times the mean, forecast {:.2f}", now.step,
+        plan.moves_cuts ? "cuts between ranks move" : "", plan.moves_cuts && plan.moves_cores ? ", " : "",
+        plan.moves_cores ? "cores of the ranks " + shares_text(shares_) + " -> " + shares_text(plan.shares) : "",
+        plan.now, plan.forecast));
     is_change_open_ = true;
-    seconds_before_change_ = view.seconds_a_step;
+    seconds_before_change_ = seconds_a_step;
     forecast_of_change_ = plan.now / plan.forecast;
     step_of_change_ = now.step;
   }
@@ -388,12 +391,20 @@ void Balancer::note_cut(std::uint64_t step, double seconds) {
 void Balancer::note_gain(double seconds_a_step, std::uint64_t step) {
   if (!is_change_open_ || !(seconds_a_step > 0.0)) return;
   is_change_open_ = false;
-  if (world_.is_root() && seconds_before_change_ > 0.0)
-    notes_.push_back(fmt::format(
+  if (seconds_before_change_ > 0.0)
+    note(fmt::format(
         "balance: since step {} a step of the grain phases takes {:.3g} ms instead of {:.3g} ms: {:.2f} times as fast "
         "(forecast {:.2f}), to step {}",
         step_of_change_, 1e3 * seconds_a_step, 1e3 * seconds_before_change_, seconds_before_change_ / seconds_a_step,
         forecast_of_change_, step));
+}
+
+/// Something to say, as long as there is not too much of it: grains that never rest keep the cuts moving.
+void Balancer::note(std::string text) {
+  constexpr int most = 40;
+  if (!world_.is_root() || n_notes_ > most) return;
+  notes_.push_back(++n_notes_ <= most ? std::move(text)
+                                      : "balance: further changes are counted at the end, and balance.csv shows them");
 }
 
 /// "3+1" for each node, such as "2+2 | 3+1"; a number in brackets: on a shared core.

@@ -43,9 +43,10 @@ struct BalanceView {
   std::vector<double> work;    // of the grain phases, in any unit
   std::vector<int> n_threads;  // at home
   std::vector<CoreShare> shares;
-  double seconds_a_step = 0.0;  // [s] of the grain phases, now
-  double steps_ahead = 0.0;     // that a new division is likely to last: as long as the one before has
-  double cut_seconds = 0.0;     // [s] that a new division costs
+  double seconds_a_step =
+      0.0;  // [s] that the busiest core works in the grain phases of one, waiting and messages left out
+  double steps_ahead = 0.0;  // that a new division is likely to last: as long as the one before has
+  double cut_seconds = 0.0;  // [s] that a new division costs
 };
 
 struct BalancePlan {
@@ -139,6 +140,7 @@ class Balancer {
   void enter(bool is_grains);
   void add_rows(const Measure& measure, const std::vector<double>& all, const std::vector<double>& work);
   void note_gain(double seconds_a_step, std::uint64_t step);
+  void note(std::string text);
   std::string shares_text(const std::vector<CoreShare>& shares) const;
 
   World world_;
@@ -160,6 +162,7 @@ class Balancer {
   BalanceTotals totals_;
   std::vector<BalanceRow> rows_;
   std::vector<std::string> notes_;
+  int n_notes_ = 0;
 };
 
 }  // namespace moraine
