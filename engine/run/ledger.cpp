@@ -9,8 +9,8 @@ namespace moraine {
 EnergyLedger take_ledger(const World& world, const Particles& particles, const Contacts& contacts,
                          const Contacts::Velocities& now, Vec3 gravity, double damping, double dt) {
   std::array<ExactSum, 9> sums;
-  auto& [kinetic, rotational, potential, normal, tangential, lost_normal, lost_tangential, lost_friction, lost_drag] =
-      sums;
+  ExactSum &kinetic = sums[0], &rotational = sums[1], &potential = sums[2], &normal = sums[3], &tangential = sums[4];
+  ExactSum &lost_normal = sums[5], &lost_tangential = sums[6], &lost_friction = sums[7], &lost_drag = sums[8];
   const bool has_losses = particles.has(Field::dissipated);
   for (std::int32_t i = 0; i < particles.size(); ++i) {
     if (!particles.is_here(i)) continue;

@@ -188,7 +188,7 @@ inline Scene polydisperse() {
     group.fill = fill;
     group.velocity = {0.2, 0.1, -1.0};
     group.velocity_deviation = 0.1;
-    group.seed = material[0];
+    group.seed = static_cast<std::uint64_t>(material[0]);
     s.particles.push_back(group);
   }
   add_wall(s, "box", BoxShape{s.domain.box()}, "steel");

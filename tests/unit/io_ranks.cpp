@@ -63,7 +63,7 @@ TEST_CASE(
       "[n1:123] Set MCA parameter \"orte_base_help_aggregate\" to 0 to see all help / error messages\n";
   const std::string text = before + notice("MPI_ABORT was invoked on rank 3\nwith errorcode 1.") + own + aside +
                            about_a_kill + after + "mpirun: and this\n";
-  for (std::size_t piece : {1, 2, 7, 75, 10000}) {
+  for (std::size_t piece : {1u, 2u, 7u, 75u, 10000u}) {
     MpirunTalk talk;
     std::string shown;
     for (std::size_t at = 0; at < text.size(); at += piece) shown += talk.pass(text.substr(at, piece));

@@ -7,9 +7,9 @@
 using namespace moraine;
 
 TEST_CASE("every row of a list belongs to one rank, which knows its number") {
-  for (const std::uint64_t n_ranks : {1, 2, 3, 7})
-    for (const std::uint64_t block : {1, 4, 1024})
-      for (const std::uint64_t n_rows : {1, 9, 5000}) {
+  for (const std::uint64_t n_ranks : {1u, 2u, 3u, 7u})
+    for (const std::uint64_t block : {1u, 4u, 1024u})
+      for (const std::uint64_t n_rows : {1u, 9u, 5000u}) {
         std::uint64_t n_all = 0, most = 0;
         for (std::uint64_t rank = 0; rank < n_ranks; ++rank) {
           const ListShare share{rank, n_ranks, block};
