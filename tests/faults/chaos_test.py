@@ -6,7 +6,8 @@ that names what is wrong and its checkpoints are as they were.
 usage: chaos_test.py PROGRAM [--faults N] [--seed S] [--only KIND,...] [--table FILE]
 
 The same seed gives the same faults; their moments are counted in checkpoints, so that a busy machine sees them too.
-Kinds that need to mount a small disk are left out unless this is root. Needs the standard library and Open MPI's mpirun.
+Kinds that need to mount a small disk are left out unless this is root, and a leaping clock where there is no libfaketime.
+Needs the standard library and Open MPI's mpirun.
 """
 
 import argparse
@@ -52,6 +53,7 @@ interval = 0.001
 """
 SCENES = {"bed": BED, "gas": BED + GAS}
 ENVIRONMENT = environment_without("OMPI_", "PMIX_")
+FAKE_CLOCK = next(map(str, Path("/usr/lib").glob("*/faketime/libfaketime.so.1")), None)
 
 
 class Lost(Exception):
@@ -86,10 +88,10 @@ def checkpoints(run):
 class Job:
     """A run in a session of its own."""
 
-    def __init__(self, words, limit=None):
+    def __init__(self, words, limit=None, environment=ENVIRONMENT):
         self.out = tempfile.TemporaryFile("w+", errors="replace")
         self.process = subprocess.Popen([str(word) for word in words], stdin=subprocess.DEVNULL, stdout=self.out,
-                                        stderr=subprocess.STDOUT, env=ENVIRONMENT, start_new_session=True,
+                                        stderr=subprocess.STDOUT, env=environment, start_new_session=True,
                                         preexec_fn=limit)
 
     def said(self):
@@ -154,8 +156,8 @@ class Chaos:
             words += ["--set", "output.distributed=true"]
         return words + list(more)
 
-    def start(self, case, layout=None, limit=None, more=()):
-        return Job(self.command(case, layout, *more), limit)
+    def start(self, case, layout=None, limit=None, more=(), environment=ENVIRONMENT):
+        return Job(self.command(case, layout, *more), limit, environment)
 
     def go_on(self, case, newest, may_go_back=False):
         """The run must go on from its newest checkpoint and end as if nothing had happened."""
@@ -314,6 +316,25 @@ class Chaos:
             raise Lost(f"a damaged checkpoint was not named, or another than step {steps[1]} taken\n{said}")
         return "went on"
 
+    def jumping_clock(self, case):
+        """The time of day leaps, to and fro, as when a machine is set right; all processes of the run see it."""
+        offset = case.run.parent / "clock"
+        leap = lambda: offset.write_text(f"{case.choose.uniform(-1e9, 1e9):+.0f}")
+        leap()
+        job = self.start(case, environment=ENVIRONMENT | {
+            "LD_PRELOAD": FAKE_CLOCK, "FAKETIME_TIMESTAMP_FILE": str(offset), "FAKETIME_NO_CACHE": "1",
+            "FAKETIME_DONT_FAKE_MONOTONIC": "1"})
+        for _ in range(case.choose.randrange(1, 4)):
+            case.reach(job)
+            leap()
+        code, newest = job.end(), (checkpoints(case.run) or [0])[0]
+        if code != 0:
+            raise Lost(f"ended with exit code {code} as the clock leapt\n{job.said()}")
+        self.must_be_as_undisturbed(case, job.said())
+        if newest < N_STEPS:
+            raise Lost(f"its newest checkpoint is of step {newest}")
+        return "ended well"
+
     def damage(self, case, step):
         """Flips a bit of a file of a checkpoint, cuts it, or takes it away."""
         pattern = f"checkpoint_{step:012d}*.h5"
@@ -348,6 +369,7 @@ class Chaos:
         "limit on the size of files": short_files,
         "limit on memory": little_memory,
         "bit flipped, file cut or gone": flipped_bit,
+        "clock that leaps": jumping_clock,
     }
     NEED_ROOT = ("full disk", "read-only disk")
 
@@ -430,13 +452,14 @@ def table_of(counts, seed, seconds):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("program", type=Path)
-    parser.add_argument("--faults", type=int, default=11)
+    parser.add_argument("--faults", type=int, default=12)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0, help="number of the first fault, to repeat one")
     parser.add_argument("--only", default="", help="words of the kinds wanted, separated by commas")
     parser.add_argument("--table", type=Path)
     given = parser.parse_args()
-    kinds = [kind for kind in Chaos.KINDS if os.geteuid() == 0 or kind not in Chaos.NEED_ROOT]
+    kinds = [kind for kind in Chaos.KINDS if (os.geteuid() == 0 or kind not in Chaos.NEED_ROOT)
+             and (FAKE_CLOCK or kind != "clock that leaps")]
     is_wanted = lambda kind: not given.only or any(word in kind for word in given.only.split(","))
     counts, losses, start = {}, [], time.monotonic()
     folder = Path(tempfile.mkdtemp(prefix="moraine-chaos-"))

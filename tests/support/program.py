@@ -43,6 +43,25 @@ box = {{}}
 {more}"""
 
 
+# Sections for grains_in_a_box() by which grains come and go, and are written.
+PASSAGE = """[[inlet]]
+name = "top"
+number_rate = 200.0
+diameter = [0.01, 0.012]
+velocity = [0, 0, -0.5]
+region = { box = { low = [0.01, 0.01, 0.16], high = [0.09, 0.09, 0.19] } }
+[[outlet]]
+name = "corner"
+box = { low = [0, 0, 0], high = [0.1, 0.05, 0.05] }
+[output]
+snapshots = 1.0
+checkpoints = 0.25
+[[probe]]
+kind = "mass"
+interval = 0.01
+"""
+
+
 def environment_without(*prefixes):
     """This process's, without variables of those names."""
     return {key: value for key, value in os.environ.items() if not key.startswith(prefixes)}
