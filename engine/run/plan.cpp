@@ -190,7 +190,9 @@ void describe(const Scene& scene, Plan& plan) {
       fmt::format("{} inlet{}", scene.inlets.size(), scene.inlets.size() == 1 ? "" : "s"), "inlets", plan.left_out);
   std::string movers;
   for (const WallDefinition& wall : scene.walls)
-    if (!wall.motion.empty()) movers += (movers.empty() ? "" : ", ") + wall.name;
+    if (!wall.motion.empty())
+      movers += (movers.empty() ? "" : ", ") + wall.name +
+                (wall.has(WallMotion::Kind::script) ? " (by a script: this scene is run from Python)" : "");
   say(plan.chosen, !movers.empty(), "moving walls: " + movers, "moving walls", plan.left_out);
   say(plan.chosen, scene.gas.has_value(), "gas", "gas", plan.left_out);
 }

@@ -128,9 +128,26 @@ GrainKind kind_of(const World& world, const Scene& scene, const Particles& parti
   return kind;
 }
 
+/// What is wrong with the motion that a script gives a wall; empty where nothing is.
+std::string fault_of_rates(const Scene& scene, const WallDefinition& wall, const WallRates& rates, double fastest) {
+  const double limit = wall.motion.front().max_speed;
+  if (!std::isfinite(squared_length(rates.velocity)) || !std::isfinite(squared_length(rates.spin)))
+    return "a velocity that is not finite";
+  if (scene.domain.dimensions == 2 && (rates.velocity.z != 0.0 || rates.spin.x != 0.0 || rates.spin.y != 0.0))
+    return "a motion that leaves the plane of two dimensions";
+  if (fastest > limit)
+    return "a motion that moves a point of it in the domain with " + std::to_string(fastest) +
+           " m/s, more than the max_speed = " + std::to_string(limit) + " m/s that the scene allows,";
+  return {};
+}
+
 /// Under which a checkpoint keeps the state of a servo.
 std::string servo_name(const Scene& scene, const Walls& walls, std::size_t number) {
   return "servo_" + scene.walls[static_cast<std::size_t>(walls.servo_walls()[number])].name;
+}
+
+std::string script_name(const Scene& scene, const Walls& walls, std::size_t number) {
+  return "script_" + scene.walls[static_cast<std::size_t>(walls.scripted_walls()[number])].name;
 }
 
 /// Lists of start positions have done their work once the grains are born; they weigh as much as the grains.
@@ -154,6 +171,12 @@ struct StepPlan {
   bool search_walls = false;  // a rebuild does it anyway
 };
 
+/// What a program says of a wall that it moves, and every how many steps it is asked.
+struct WallScript {
+  WallFunction function;
+  std::uint64_t every = 1;
+};
+
 struct Simulation::Parts {
   Scene scene;
   int n_threads;
@@ -175,7 +198,8 @@ struct Simulation::Parts {
   std::uint64_t n_ever_born = 0;         // of all ranks, always: the next gid
   std::vector<std::string> notes;        // what a user should know
   BodyForce body_force;
-  std::vector<double> push;  // [m/s2] three values a grain, with what the gas gives; empty without body force
+  std::vector<double> push;         // [m/s2] three values a grain, with what the gas gives; empty without body force
+  std::vector<WallScript> scripts;  // of walls that they move
   double energy_initial = 0.0;
   bool has_energy_initial = false;
   std::vector<std::vector<double>> probe_memory;
@@ -229,6 +253,7 @@ struct Simulation::Parts {
         world(ranks),
         balancer(ranks, s.run.balance, threads) {
     wall_speed = fastest_wall(s);
+    scripts.resize(walls.scripted_walls().size());
     walls.move_to(0.0, dt);
     for (std::size_t k = 0; k < s.output.probes.size(); ++k)
       if (s.output.probes[k].kind == Probe::Kind::fields) fields.try_emplace(k, s, s.output.probes[k], ranks);
@@ -263,6 +288,8 @@ struct Simulation::Parts {
   void rebuild(const Births& births = {});
   void search_walls();
   void move_walls();
+  void ask_scripts();
+  void compare_scripts() const;
   bool balance();
   bool is_balance_due();
   Balancer::Measure measure() const;
@@ -602,9 +629,47 @@ void Simulation::Parts::move_walls() {
       state.place += dt * state.speed;
     }
   }
+  walls.advance_scripts(dt);
   walls.move_to(time(), dt);
   if (const double wander = walls.last_wander(); wander > max_travel * kind.smallest_radius)
     throw RunError(explain_fast_wall(guard_view(), wander, kind.smallest_radius));
+}
+
+/// What scripts say of the motion of walls over the steps until they are asked again: at the middle of that time, so that the path is
+/// of the second order in it.
+void Simulation::Parts::ask_scripts() {
+  for (std::size_t k = 0; k < scripts.size(); ++k) {
+    const WallDefinition& wall = scene.walls[static_cast<std::size_t>(walls.scripted_walls()[k])];
+    if (!scripts[k].function)
+      throw RunError("wall \"" + wall.name +
+                     "\" is to be moved by a script, and none has said how: give its function before the first step "
+                     "(Simulation.set_wall_motion in Python), after a restart as well");
+    if (step % scripts[k].every != 0) {
+      const ScriptState& held = walls.script_states()[k];
+      walls.give_rates(k, {held.velocity, held.spin}, false);
+      continue;
+    }
+    const double middle = (static_cast<double>(step) + 0.5 * static_cast<double>(scripts[k].every)) * dt;
+    const WallRates rates = scripts[k].function(middle);
+    if (const std::string fault = fault_of_rates(scene, wall, rates, walls.fastest_in_domain(k, rates)); !fault.empty())
+      throw RunError("wall \"" + wall.name + "\" is given " + fault + " by its script at time " +
+                     std::to_string(middle) + " s");
+    walls.give_rates(k, rates, step == 0);
+  }
+}
+
+/// Where ranks were told different motions, their bits part: at rebuilds they look.
+void Simulation::Parts::compare_scripts() const {
+  if (scripts.empty()) return;
+  std::vector<double> most;
+  for (const ScriptState& script : walls.script_states())
+    for (const double number : numbers_of(script)) most.insert(most.end(), {number, -number});
+  world.max(most);
+  for (std::size_t k = 0; k < most.size(); k += 2)
+    if (most[k] != -most[k + 1])
+      throw RunError("wall \"" +
+                     scene.walls[static_cast<std::size_t>(walls.scripted_walls()[k / (2 * n_script_numbers)])].name +
+                     "\" is moved differently by the scripts of the ranks: its function must depend on the time alone");
 }
 
 void Simulation::Parts::after_rebuild() {
@@ -622,6 +687,7 @@ void Simulation::Parts::after_rebuild() {
       place_at_rebuild[static_cast<std::size_t>(i)] = particles.position(i);
   });
   if (world.is_alone()) return;
+  compare_scripts();
   if (look()) look_at(step + 1);  // they are that fast
   count();
 }
@@ -960,6 +1026,10 @@ void Simulation::Parts::bear_grains() {
 std::vector<double> Simulation::Parts::remembered() const {
   std::vector<double> all;
   for (const ServoState& servo : walls.servo_states()) all.insert(all.end(), {servo.place, servo.speed});
+  for (const ScriptState& script : walls.script_states()) {
+    const std::vector<double> numbers = numbers_of(script);
+    all.insert(all.end(), numbers.begin(), numbers.end());
+  }
   const std::vector<double> owed = inlets.hashed();
   all.insert(all.end(), owed.begin(), owed.end());
   if (scene.run.precision == Precision::mixed) all.push_back(mixed_precision);  // runs in double keep their hashes
@@ -1027,6 +1097,15 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
           {{"wall", "the checkpoint holds no \"" + name + "\"; it is of a scene without this servo", false}});
     p.walls.servo_states()[k] = {found->second[0], found->second[1]};
   }
+  for (std::size_t k = 0; k < p.scripts.size(); ++k) {
+    const std::string name = script_name(scene, p.walls, k);
+    const auto found = image.accumulators.find(name);
+    if (found == image.accumulators.end() || found->second.size() != n_script_numbers)
+      throw SceneError(
+          {{"wall", "the checkpoint holds no \"" + name + "\"; it is of a scene whose wall no script moves", false}});
+    ScriptState& state = p.walls.script_states()[k];
+    state = script_state_of(state.origin, found->second);
+  }
   p.walls.move_to(p.time(), p.dt);
   PairCarry pairs;
   WallCarry wall_memory;
@@ -1056,6 +1135,7 @@ Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 
 void Simulation::step() {
   Parts& p = *parts_;
+  p.ask_scripts();
   p.bear_from_inlets();
   p.advance_gas();
   const StepPlan todo = p.decide();
@@ -1100,6 +1180,24 @@ void Simulation::set_body_force(BodyForce force) {
   p.look_at(p.step);
   p.push.clear();
   p.contacts->set_push(nullptr);
+}
+
+void Simulation::set_wall_motion(const std::string& wall, WallFunction function, std::uint64_t every) {
+  if (!function || every == 0)
+    throw std::invalid_argument("a wall's motion needs a function, and at least 1 step between its calls");
+  Parts& p = *parts_;
+  std::string names;
+  for (std::size_t k = 0; k < p.scripts.size(); ++k) {
+    const std::string& name = p.scene.walls[static_cast<std::size_t>(p.walls.scripted_walls()[k])].name;
+    if (name == wall) {
+      p.scripts[k] = {std::move(function), every};
+      return;
+    }
+    names += (k == 0 ? "" : ", ") + name;
+  }
+  throw std::invalid_argument("no wall \"" + wall + "\" is moved by a script in this scene (" +
+                              (names.empty() ? "none is" : "there are: " + names) +
+                              "); its motion must be { type = \"script\", max_speed = ... }");
 }
 
 std::optional<FieldView> Simulation::view(Field field) {
@@ -1237,6 +1335,8 @@ Image Simulation::checkpoint() const {
   for (std::size_t k = 0; k < p.walls.servo_states().size(); ++k)
     image.accumulators[servo_name(p.scene, p.walls, k)] = {p.walls.servo_states()[k].place,
                                                            p.walls.servo_states()[k].speed};
+  for (std::size_t k = 0; k < p.scripts.size(); ++k)
+    image.accumulators[script_name(p.scene, p.walls, k)] = numbers_of(p.walls.script_states()[k]);
   for (std::size_t k = 0; k < p.probe_memory.size(); ++k)
     if (!p.probe_memory[k].empty()) image.accumulators["probe_" + p.scene.output.probes[k].name] = p.probe_memory[k];
   return image;

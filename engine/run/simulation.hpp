@@ -19,6 +19,7 @@
 #include "engine/run/plan.hpp"
 #include "engine/run/stopwatch.hpp"
 #include "engine/scene/scene.hpp"
+#include "engine/walls/motion.hpp"
 
 namespace moraine {
 
@@ -50,6 +51,9 @@ struct RunError : std::runtime_error {
 /// The values come as zeros.
 using BodyForce = std::function<void(std::span<double> acceleration)>;
 
+/// How a wall moves over an interval, from the time in its middle [s]. It must depend on nothing but the time, and be the same on all ranks.
+using WallFunction = std::function<WallRates(double time)>;
+
 class Simulation {
  public:
   /// Fills the scene with its grains. Throws SceneError (with every problem) where the scene cannot be run. The ranks of `world`
@@ -77,6 +81,11 @@ class Simulation {
   /// grain and the time, or the same bits on any layout are lost. Ranks look how far grains have come in every step, as nobody can
   /// foresee what it will do. Its work counts among the losses to drag. It is not kept in checkpoints. All ranks.
   void set_body_force(BodyForce force);
+  /// A wall whose motion in the scene is of kind script is moved by `function` from the next step on whose number is a multiple of `every`
+  /// (and from the first): it is asked then, and what it says holds for so many steps. What was said last is kept in checkpoints. step() throws
+  /// RunError where a scripted wall has no function, or is moved faster than its max_speed. Throws std::invalid_argument where there is
+  /// no such wall. All ranks.
+  void set_wall_motion(const std::string& wall, WallFunction function, std::uint64_t every = 1);
   /// A field of this rank's grains where it lies, or nothing where the scene has no need of it. Grains are in no particular order (see
   /// gid), and those that have left since the last rebuild have positions that are not numbers. The next rebuild puts them elsewhere, and whoever
   /// still looks sees what was there before.

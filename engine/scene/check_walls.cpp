@@ -100,9 +100,22 @@ void check_servo(const WallMotion& m, const std::string& key, Findings& found) {
   found.not_negative(key + ".mass", m.mass, m.torque ? "kg m2" : "kg");
 }
 
+/// A scripted wall has one motion: whatever else it is to do, its function can say.
+void check_script(const WallDefinition& wall, const WallMotion& m, const std::string& key, Findings& found) {
+  found.finite(key + ".origin", m.origin, "m");
+  if (!(m.max_speed > 0.0) || !std::isfinite(m.max_speed))
+    found.error(
+        key + ".max_speed",
+        "is {}; a wall that a script moves needs a speed > 0 that no point of it in the domain ever exceeds [m/s]",
+        m.max_speed);
+  if (wall.motion.size() > 1)
+    found.error(key, "is not the only motion of its wall; what a script moves is moved by it alone");
+  if (wall.name.empty()) found.error(key, "moves a wall without a name; the script that moves it needs one");
+}
+
 void check_motion(const WallMotion& m, const std::string& key, Findings& found) {
   using Kind = WallMotion::Kind;
-  if (m.kind != Kind::translate) check_direction(key + ".axis", m.axis, found);
+  if (m.kind != Kind::translate && m.kind != Kind::script) check_direction(key + ".axis", m.axis, found);
   if (m.turns()) found.finite(key + ".origin", m.origin, "m");
   check_schedule(m.ramp, key + ".ramp", found);
   check_schedule(m.places, key + ".places", found);
@@ -130,6 +143,7 @@ void check_motions(const Scene& scene, const WallDefinition& wall, const std::st
   for (std::size_t m = 0; m < wall.motion.size(); ++m) {
     const std::string name = fmt::format("{}.motion[{}]", key, m);
     check_motion(wall.motion[m], name, found);
+    if (wall.motion[m].kind == WallMotion::Kind::script) check_script(wall, wall.motion[m], name, found);
     n_servos += wall.motion[m].kind == WallMotion::Kind::servo ? 1 : 0;
     if (n_servos > 1) found.error(name, "is a second servo; a wall can have one");
     const bool leaves_plane = wall.motion[m].turns() && (wall.motion[m].axis.x != 0.0 || wall.motion[m].axis.y != 0.0);

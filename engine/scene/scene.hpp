@@ -221,11 +221,12 @@ struct WallMotion {
     vibrate,    // by amplitude sin(2 pi frequency t + phase) along `axis`
     swing,      // by the same angle about the axis through `origin`
     servo,      // along, or about, the axis until the grains push with `force` or turn with `torque`
+    script,  // as a function of the program that runs the scene says (Simulation::set_wall_motion); the only motion of its wall
   };
   Kind kind = Kind::translate;
   Vec3 velocity;                              // [m/s]
   std::vector<std::array<double, 4>> places;  // [s], [m] displacement; straight between, resting beyond
-  Vec3 origin;                                // [m] of rotate, swing, and a servo that turns
+  Vec3 origin;  // [m] of rotate, swing, and a servo that turns; of script: the point whose velocity is given
   Vec3 axis{0, 0, 1};
   double speed = 0.0;                         // [rad/s] right-handed about the axis
   std::vector<std::array<double, 2>> angles;  // [s], [rad]; straight between, resting beyond
@@ -236,8 +237,8 @@ struct WallMotion {
   std::optional<double> force;                // [N] servo: what the grains are to push with along the axis
   std::optional<double> torque;               // [N m] servo: about it
   double gain = 0.0;                          // [m/(s N)] or [rad/(s N m)] servo: speed per missing force or torque
-  double max_speed = 0.0;                     // [m/s] or [rad/s] servo
-  double mass = 0.0;                          // [kg] or [kg m2] servo: inertia against changes of the speed
+  double max_speed = 0.0;  // [m/s] or [rad/s] servo; of script [m/s]: no point of it in the domain is faster
+  double mass = 0.0;       // [kg] or [kg m2] servo: inertia against changes of the speed
   bool turns() const { return kind == Kind::rotate || kind == Kind::swing || (kind == Kind::servo && torque); }
 };
 
@@ -251,9 +252,9 @@ struct WallDefinition {
   double until = infinity;  // [s] ... until this time
   std::vector<WallMotion> motion = {};
   bool has_force_map = false;  // meshes: the mean force on each triangle goes with the snapshots
-  bool has_servo() const {
+  bool has(WallMotion::Kind kind) const {
     for (const WallMotion& m : motion)
-      if (m.kind == WallMotion::Kind::servo) return true;
+      if (m.kind == kind) return true;
     return false;
   }
 };

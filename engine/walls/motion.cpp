@@ -118,6 +118,7 @@ double fastest(const WallMotion& m, double distance) {
     case WallMotion::Kind::vibrate: return 2.0 * std::numbers::pi * m.frequency * std::abs(m.amplitude);
     case WallMotion::Kind::swing: return 2.0 * std::numbers::pi * m.frequency * std::abs(m.amplitude) * distance;
     case WallMotion::Kind::servo: return m.max_speed * (m.torque ? distance : 1.0);
+    case WallMotion::Kind::script: return m.max_speed;
   }
   return 0.0;
 }
@@ -146,6 +147,7 @@ Advance advance_of(const WallMotion& m, double time, const ServoState& servo) {
     case WallMotion::Kind::vibrate:
     case WallMotion::Kind::swing: return oscillation(m, time);
     case WallMotion::Kind::servo: return {servo.place, servo.speed};
+    case WallMotion::Kind::script: return {};  // see ScriptState
   }
   return {};
 }
@@ -171,6 +173,41 @@ WallState state_of(std::span<const WallMotion> motions, double time, const Servo
     spin = turn.turn(spin) + about.speed * axis;
   }
   return {pose, {velocity, spin, pose.shift}};
+}
+
+ScriptState advanced(const ScriptState& script, double dt) {
+  ScriptState next = script;
+  next.centre += dt * script.velocity;
+  const double rate = length(script.spin);
+  if (rate > 0.0) {
+    next.pose = then(script.pose, turn_about((1.0 / rate) * script.spin, rate * dt));
+    auto& rows = next.pose.rows;
+    rows[0] = normalized(rows[0]);
+    rows[1] = normalized(rows[1] - dot(rows[0], rows[1]) * rows[0]);
+    rows[2] = cross(rows[0], rows[1]);
+  }
+  next.pose.shift = next.centre - next.pose.turn(next.origin);
+  return next;
+}
+
+std::vector<double> numbers_of(const ScriptState& s) {
+  std::vector<double> numbers;
+  for (const Vec3& v : {s.pose.rows[0], s.pose.rows[1], s.pose.rows[2], s.centre, s.velocity, s.spin})
+    numbers.insert(numbers.end(), {v.x, v.y, v.z});
+  return numbers;
+}
+
+ScriptState script_state_of(Vec3 origin, std::span<const double> numbers) {
+  const auto vector = [&](std::size_t k) { return Vec3{numbers[3 * k], numbers[3 * k + 1], numbers[3 * k + 2]}; };
+  ScriptState s;
+  s.origin = origin;
+  s.pose.rows = {vector(0), vector(1), vector(2)};
+  s.pose.is_turned = s.pose.rows != Pose().rows;
+  s.centre = vector(3);
+  s.velocity = vector(4);
+  s.spin = vector(5);
+  s.pose.shift = s.centre - s.pose.turn(origin);
+  return s;
 }
 
 Vec3 corner_of(const Box& box, int k) {

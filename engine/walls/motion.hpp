@@ -3,6 +3,7 @@
 
 #include <array>
 #include <span>
+#include <vector>
 
 #include "engine/scene/scene.hpp"
 
@@ -37,6 +38,27 @@ struct ServoState {
   double speed = 0.0;  // [m/s] or [rad/s]
   bool operator==(const ServoState&) const = default;
 };
+
+/// How fast a wall is moved by a script: the velocity of the point that was at its `origin` [m/s], and the wall's angular velocity [rad/s].
+struct WallRates {
+  Vec3 velocity, spin;
+};
+
+/// Where a script has brought a wall, and what it does in the present step.
+struct ScriptState {
+  Vec3 origin;  // [m] a point of the wall at home ...
+  Vec3 centre;  // [m] ... and where it is now
+  Pose pose;
+  Vec3 velocity, spin;  // of that point [m/s]; of the wall [rad/s]
+};
+
+/// After `dt` [s] at these rates: the centre by v dt, the wall about it by the angle |spin| dt. Rows are made orthonormal again in each step
+/// (Gram & Schmidt), so that a million steps do not stretch a wall.
+ScriptState advanced(const ScriptState& script, double dt);
+/// As numbers, for checkpoints and hashes, and back.
+std::vector<double> numbers_of(const ScriptState& script);
+ScriptState script_state_of(Vec3 origin, std::span<const double> numbers);
+constexpr std::size_t n_script_numbers = 18;
 
 /// How far the motion has come along or about its own axis at that time [m or rad], and how fast that changes. Not of translations.
 struct Advance {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "engine/walls/wall_extent.hpp"
 
@@ -150,10 +151,16 @@ Walls::Walls(const Scene& scene) : domain_(scene.domain.box()) {
     Mover mover;
     mover.motions = wall.motion;
     mover.is_moving = !wall.motion.empty();
-    if (wall.has_servo()) {
+    if (wall.has(WallMotion::Kind::servo)) {
       mover.servo = static_cast<int>(servo_walls_.size());
       servo_walls_.push_back(static_cast<std::int32_t>(movers_.size()));
       servo_states_.emplace_back();
+    }
+    if (wall.has(WallMotion::Kind::script)) {
+      mover.script = static_cast<int>(scripted_walls_.size());
+      scripted_walls_.push_back(static_cast<std::int32_t>(movers_.size()));
+      ScriptState& script = script_states_.emplace_back();
+      script.origin = script.centre = wall.motion.front().origin;
     }
     is_any_moving_ = is_any_moving_ || mover.is_moving;
     movers_.push_back(std::move(mover));
@@ -164,6 +171,13 @@ void Walls::move_to(double time, double dt) {
   if (!is_any_moving_) return;
   for (Mover& mover : movers_) {
     if (!mover.is_moving) continue;
+    if (mover.script >= 0) {
+      const ScriptState& script = script_states_[static_cast<std::size_t>(mover.script)];
+      mover.before = std::exchange(mover.pose, script.pose);
+      mover.now = {script.velocity, script.spin, script.centre};
+      mover.late = {script.velocity, script.spin, script.centre - 0.5 * dt * script.velocity};
+      continue;
+    }
     const ServoState servo = mover.servo < 0 ? ServoState{} : servo_states_[static_cast<std::size_t>(mover.servo)];
     const WallState now = state_of(mover.motions, time, servo);
     mover.before = mover.pose;
@@ -179,6 +193,33 @@ void Walls::move_to(double time, double dt) {
     surfaces_[s].point = mover.pose.to_world(home_[s].point);
     surfaces_[s].axis = mover.pose.turn(home_[s].axis);
   }
+}
+
+void Walls::give_rates(std::size_t number, const WallRates& rates, bool is_start) {
+  ScriptState& script = script_states_[number];
+  Mover& mover = movers_[static_cast<std::size_t>(scripted_walls_[number])];
+  mover.now = {rates.velocity, rates.spin, script.centre};
+  if (is_start) {
+    mover.late = mover.now;
+  } else {  // of the moment between two steps
+    mover.now.velocity = 0.5 * (script.velocity + rates.velocity);
+    mover.now.spin = 0.5 * (script.spin + rates.spin);
+  }
+  script.velocity = rates.velocity;
+  script.spin = rates.spin;
+}
+
+void Walls::advance_scripts(double dt) {
+  for (ScriptState& script : script_states_) script = advanced(script, dt);
+}
+
+double Walls::fastest_in_domain(std::size_t number, const WallRates& rates) const {
+  // The velocity is linear in the place, so its size is largest at a corner.
+  double most = 0.0;
+  for (int k = 0; k < 8; ++k)
+    most = std::max(most,
+                    length(rates.velocity + cross(rates.spin, corner_of(domain_, k) - script_states_[number].centre)));
+  return most;
 }
 
 double Walls::distance_come(std::size_t s, const Pose& from, const Pose& to) const {

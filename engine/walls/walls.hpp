@@ -79,6 +79,18 @@ class Walls {
   /// Number of the servo of a surface's wall, or -1.
   int servo_of(std::int32_t surface) const { return movers_[wall_of(surface)].servo; }
 
+  // Walls that a script moves, in their order.
+
+  std::span<const std::int32_t> scripted_walls() const { return scripted_walls_; }
+  std::span<ScriptState> script_states() { return script_states_; }
+  std::span<const ScriptState> script_states() const { return script_states_; }
+  /// What the wall does from now on; `is_start`: nothing has moved yet, and contacts see this velocity at once.
+  void give_rates(std::size_t number, const WallRates& rates, bool is_start);
+  /// By a step of `dt` [s]; move_to() brings the walls there.
+  void advance_scripts(double dt);
+  /// The speed of the wall's fastest point in the domain, at those rates [m/s].
+  double fastest_in_domain(std::size_t number, const WallRates& rates) const;
+
   /// Appends to `found` the candidates of grains [begin, end) among active surfaces: those nearer than radius + reach.
   /// `records`: position and radius are the first four doubles of each grain's record of `stride` doubles.
   /// Thread-safe: each thread may search its own range into its own list.
@@ -90,8 +102,8 @@ class Walls {
   struct Mover {
     std::vector<WallMotion> motions;
     bool is_moving = false;
-    int servo = -1;
-    Pose pose, before, marked;  // now, before the last move, when marked
+    int servo = -1, script = -1;  // its number among those, or none
+    Pose pose, before, marked;    // now, before the last move, when marked
     WallVelocity now, late;
   };
   std::size_t wall_of(std::int32_t surface) const {
@@ -105,6 +117,8 @@ class Walls {
   bool is_any_moving_ = false;
   std::vector<std::int32_t> servo_walls_;
   std::vector<ServoState> servo_states_;
+  std::vector<std::int32_t> scripted_walls_;
+  std::vector<ScriptState> script_states_;
   Box domain_;
   std::vector<double> from_, until_;        // [s] of each surface
   std::vector<std::optional<Box>> bounds_;  // of each surface: that of its wall, where the shape is a box

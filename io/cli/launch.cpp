@@ -1,6 +1,7 @@
 #include "io/cli/launch.hpp"
 
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <poll.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
@@ -148,6 +149,17 @@ Place this_place() {
   const std::vector<int> cpus = available_cpus();
   const auto n_cpus = static_cast<int>(cpus.size());
   return {n_cpus, count_cores(cpus), n_cpus == sysconf(_SC_NPROCESSORS_ONLN), has_several_nodes()};
+}
+
+void refuse_scripted_walls(const Scene& scene) {
+  for (std::size_t w = 0; w < scene.walls.size(); ++w)
+    if (scene.walls[w].has(WallMotion::Kind::script))
+      throw SceneError(
+          {{fmt::format("wall[{}].motion", w),
+            fmt::format("wall \"{}\" is moved by a script; run this scene from Python, also where a run goes on "
+                        "(moraine python SCRIPT, with set_wall_motion; see io/python/README.md)",
+                        scene.walls[w].name),
+            false}});
 }
 
 bool is_crowded(const Layout& layout, const Place& place) {

@@ -21,6 +21,9 @@ struct Place {
 };
 Place this_place();
 
+/// Throws SceneError where a script moves walls of the scene: only Python can run it.
+void refuse_scripted_walls(const Scene& scene);
+
 /// True where a layout has more threads than the place has CPUs.
 bool is_crowded(const Layout& layout, const Place& place);
 

@@ -325,8 +325,8 @@ void add_export(CLI::App& app, Command& chosen) {
   });
 }
 
-void add_render(CLI::App& app, Command& chosen) {
-  auto* command = app.add_subcommand("render", "a picture (PNG) of a snapshot, by POV-Ray");
+void add_render(CLI::App& app, Command& chosen, Log& log) {
+  auto* command = app.add_subcommand("render", "a picture (PNG) of a snapshot, by POV-Ray, or a movie of all");
   auto request = std::make_shared<RenderRequest>();
   command->add_option("RUN", request->run, "run directory, or one snapshot")->required();
   command->add_option("--frame", request->frame,
@@ -342,8 +342,16 @@ void add_render(CLI::App& app, Command& chosen) {
   command->add_option("--size", request->size, "WIDTHxHEIGHT in pixels (default: 1280x960)");
   command->add_option("--view", request->style.view, "azimuth and elevation of the camera [degrees]")->expected(2);
   command->add_option("--out", request->out, "file (default: RUN/pictures/STEP.png)");
-  command->callback([&chosen, request] {
-    chosen = [request] {
+  command->add_option("--movie", request->movie,
+                      "a movie of all snapshots instead, by ffmpeg: FILE.mp4, FILE.webm or FILE.gif");
+  command->add_option("--rate", request->rate, "frames of the movie a second (default: 10)");
+  command
+      ->add_option("--preview", request->preview,
+                   "shows the picture in the terminal (24-bit colours), so many characters wide, and writes no file")
+      ->check(CLI::Range(16, 1000));
+  command->callback([&chosen, &log, request] {
+    chosen = [&log, request] {
+      request->progress = [&log](const std::string& text) { log.progress(text); };
       print(render_run(*request));
       return exit_code::good;
     };
@@ -477,7 +485,7 @@ int run_program(int argc, char** argv, const World& world) {
   add_info(app, chosen);
   add_compare(app, chosen);
   add_export(app, chosen);
-  add_render(app, chosen);
+  add_render(app, chosen, log);
   add_view(app, chosen);
   add_plot(app, chosen);
   add_keys(app, chosen);

@@ -8,6 +8,7 @@
 
 #include "engine/run/plan.hpp"
 #include "engine/run/probes.hpp"
+#include "io/cli/launch.hpp"
 #include "io/cli/layout.hpp"
 #include "io/cli/table_file.hpp"
 #include "io/scene_toml/scene_toml.hpp"
@@ -29,6 +30,7 @@ class Planner {
  public:
   Planner(const fs::path& file, const std::vector<std::string>& overrides) : file_(file), overrides_(overrides) {
     plan_.scene = read_scene(file, overrides);
+    refuse_scripted_walls(plan_.scene);
     plan_.table = read_pareto(file, overrides);
     look_at_request();
   }

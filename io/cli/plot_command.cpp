@@ -61,7 +61,7 @@ std::vector<T> even_share(const std::vector<T>& all, std::size_t most) {
 
 Plot lines_over_time(const RunTable& table, const ColumnGroup& group) {
   const std::vector<std::size_t> columns = even_share(group.columns, most_lines);
-  Plot plot{file_name(table.name + (group.unit.empty() ? "" : " " + group.unit)), {}};
+  Plot plot{file_name(table.name + (group.unit.empty() ? "" : " " + (group.unit == "-" ? "ratios" : group.unit))), {}};
   plot.script = "$data << EOD\n";
   for (std::size_t row = 0; row < table.time.size(); ++row) {
     plot.script += number(table.time[row]);

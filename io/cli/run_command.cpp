@@ -522,6 +522,7 @@ int run_scene(const RunRequest& request, Log& log, const World& world) {
   }
   std::vector<SceneMessage> warnings;
   Scene scene = read_scene(request.scene_file, request.overrides, &warnings, world);
+  refuse_scripted_walls(scene);
   GivenLayout given;
   if (World::is_launched()) {
     given = layout_of_given_ranks(request.layout, scene.run.layout, world);

@@ -69,6 +69,7 @@ void check(ScaleRequest& request, const std::vector<Layout>& layouts) {
   std::uint64_t n_steps = std::numeric_limits<std::uint64_t>::max();
   for (const long long n_cores : sizes) {
     const Scene scene = read_scene(request.scene_file, overrides_on(request, n_cores));
+    refuse_scripted_walls(scene);
     if (count_grains(scene) == 0)
       throw UsageError(request.scene_file.string() + ": the scene has no grains to share out");
     n_steps = std::min(n_steps, steps_until(scene.time.end, choose_time_step(scene).step));

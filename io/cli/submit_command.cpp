@@ -8,6 +8,7 @@
 #include "engine/run/plan.hpp"
 #include "io/checkpoint/durable_file.hpp"
 #include "io/cli/job_script.hpp"
+#include "io/cli/launch.hpp"
 #include "io/cli/programs.hpp"
 #include "io/cli/run_directory.hpp"
 #include "io/cli/text.hpp"
@@ -232,6 +233,7 @@ std::string report(const Job& job, const Plan& plan, const std::string& output) 
 void submit(const SubmitRequest& request, Log& log) {
   std::vector<SceneMessage> warnings;
   const Scene scene = read_scene(request.scene_file, request.overrides, &warnings);
+  refuse_scripted_walls(scene);
   const std::vector<Layout> layouts = layouts_of(request, scene);
   if (request.nodes < 1) throw UsageError(fmt::format("--nodes {}: expected at least 1", request.nodes));
   if (request.restart && *request.restart != "auto")

@@ -40,13 +40,36 @@ std::string times_table(const std::vector<std::pair<double, std::string>>& frame
   return text;
 }
 
+/// The grains of a snapshot as one .vtp file, or, where each rank has written its own, as a piece for each of them. Returns the
+/// name of the file to open, and counts those written.
+std::string write_vtk_grains(const fs::path& snapshot, const Image& image, const fs::path& out, std::size_t& n_files) {
+  const std::string stem = "grains_" + frame_label(snapshot);
+  const std::vector<std::uint64_t> counts = grains_of_rank_files(snapshot);
+  if (counts.empty()) {
+    write_file(out / (stem + ".vtp"), vtp_text(image));
+    ++n_files;
+    return stem + ".vtp";
+  }
+  std::vector<std::string> pieces;
+  GrainRows rows;
+  for (const std::uint64_t count : counts) {
+    rows = {rows.end, rows.end + count};
+    pieces.push_back(fmt::format("{}_{}.vtp", stem, pieces.size()));
+    write_file(out / pieces.back(), vtp_text(image, rows));
+  }
+  if (rows.end != image.n_grains) throw StorageError(snapshot, "does not hold the grains of the files that it names");
+  write_file(out / (stem + ".pvtp"), pvtp_text(image, pieces));
+  n_files += pieces.size() + 1;
+  return stem + ".pvtp";
+}
+
 /// One snapshot as a file of that kind: grains, and gas where the kind has a file for it.
 struct FrameText {
   std::string grains, gas, gas_ending;
 };
 FrameText text_of(const Image& image, ExportKind kind, const Scene* scene, const PictureStyle& style) {
   switch (kind) {
-    case ExportKind::vtk: return {vtp_text(image), vti_text(image), ".vti"};
+    case ExportKind::vtk: return {{}, vti_text(image), ".vti"};  // grains: write_vtk_grains()
     case ExportKind::csv: return {csv_text(image), {}, {}};
     case ExportKind::povray: return {povray_text(image, scene, style), {}, {}};
     case ExportKind::tecplot: return {tecplot_grains(image), tecplot_gas(image), ".dat"};
@@ -103,13 +126,19 @@ std::string export_run(const ExportRequest& request) {
   style.field = request.field;
   make_directory(out);
 
+  std::size_t n_files = 0;
   FramesInTime written, gas;
   VtkSeries more(out);
   for (const fs::path& file : frames.files) {
     const Image image = read_image_file(file).image;
     const FrameText text = text_of(image, request.kind, scene ? &*scene : nullptr, style);
-    written.emplace_back(image.time, "grains_" + frame_label(file) + words_of(request.kind).ending);
-    write_file(out / written.back().second, text.grains);
+    if (request.kind == ExportKind::vtk) {
+      written.emplace_back(image.time, write_vtk_grains(file, image, out, n_files));
+    } else {
+      written.emplace_back(image.time, "grains_" + frame_label(file) + words_of(request.kind).ending);
+      write_file(out / written.back().second, text.grains);
+      ++n_files;
+    }
     if (request.kind == ExportKind::vtk)
       for (const WallMap& map : image.maps)
         more.add("wall_" + in_file_name(map.name), frame_label(file), ".vtp", image.time, vtp_text(map, image.time));
@@ -122,7 +151,7 @@ std::string export_run(const ExportRequest& request) {
       const FieldImage fields = read_field_image(file);
       more.add("fields_" + in_file_name(fields.name), frame_label(file), ".vti", fields.time, vti_text(fields));
     }
-  const std::size_t n_files = written.size() + gas.size() + more.n_files();
+  n_files += gas.size() + more.n_files();
   std::string text = fmt::format("{} {} in {}", n_files, n_files == 1 ? "file" : "files", out.string());
   if (request.kind == ExportKind::vtk) {
     write_file(out / "grains.pvd", pvd_text(written));

@@ -117,14 +117,19 @@ class Workshop {
   fs::path path_;
 };
 
-void render_picture(const std::string& scene_text, const Size& size, const fs::path& picture,
-                    const fs::path& workshop) {
+/// What POV-Ray is to write.
+enum class PictureKind { png, ppm };
+
+/// Returns the picture's content.
+std::string render_picture(const std::string& scene_text, const Size& size, PictureKind kind,
+                           const fs::path& workshop) {
   write_file(workshop / "scene.pov", scene_text);
-  const fs::path draft = workshop / "picture.png";
+  const fs::path draft = workshop / (kind == PictureKind::png ? "picture.png" : "picture.ppm");
+  fs::remove(draft);
   const std::vector<std::string> words = {"povray",
                                           "-D",
                                           "-P",
-                                          "+FN8",
+                                          kind == PictureKind::png ? "+FN8" : "+FP8",
                                           "+A0.1",
                                           "+AM2",
                                           "+R3",
@@ -135,7 +140,78 @@ void render_picture(const std::string& scene_text, const Size& size, const fs::p
   const int code = run_program(words, workshop / "povray.log");
   if (code != 0 || !fs::exists(draft))
     throw ExportError(fmt::format("povray failed (exit code {}):{}", code, last_words(workshop / "povray.log")));
-  write_file(picture, read_file(draft));
+  return read_file(draft);
+}
+
+/// The words that make ffmpeg write a kind of movie; empty where there is no such kind.
+std::vector<std::string> movie_words(const std::string& ending) {
+  // Players want even sides and colours at half the resolution.
+  const std::string even = "pad=ceil(iw/2)*2:ceil(ih/2)*2";
+  if (ending == ".mp4")
+    return {"-vf",  even, "-c:v",     "libx264", "-preset",   "slow",
+            "-crf", "18", "-pix_fmt", "yuv420p", "-movflags", "+faststart"};
+  if (ending == ".webm") return {"-vf", even, "-c:v", "libvpx-vp9", "-crf", "28", "-b:v", "0", "-pix_fmt", "yuv420p"};
+  if (ending == ".gif")  // its 256 colours are chosen for the whole movie
+    return {"-filter_complex",
+            "split[a][b];[a]palettegen=stats_mode=full[p];[b][p]paletteuse=dither=bayer:bayer_scale=4", "-loop", "0"};
+  return {};
+}
+
+void expect_movie(const RenderRequest& request) {
+  if (movie_words(request.movie->extension().string()).empty())
+    throw ExportError("movie \"" + request.movie->string() + "\": expected a file that ends in .mp4, .webm or .gif");
+  if (request.frame.value_or("all") != "all")
+    throw ExportError("frame \"" + *request.frame + "\": a movie has all frames; leave --frame out");
+  if (!(request.rate > 0.0 && request.rate <= 240.0))
+    throw ExportError(fmt::format("rate {}: expected frames a second, above 0 and at most 240", request.rate));
+  if (!is_on_path("ffmpeg"))
+    throw ExportError(
+        "ffmpeg is not installed, which makes movies of pictures; on Debian and Ubuntu: apt-get install ffmpeg (or "
+        "take "
+        "--frame all for the pictures alone)");
+}
+
+void make_movie(const RenderRequest& request, const fs::path& workshop) {
+  const std::string ending = request.movie->extension().string();
+  const fs::path draft = workshop / ("movie" + ending);
+  std::vector<std::string> words = {"ffmpeg",       "-nostdin",
+                                    "-hide_banner", "-loglevel",
+                                    "error",        "-y",
+                                    "-framerate",   fmt::format("{}", request.rate),
+                                    "-i",           (workshop / "frame_%06d.png").string()};
+  const std::vector<std::string> kind = movie_words(ending);
+  words.insert(words.end(), kind.begin(), kind.end());
+  words.push_back(draft.string());
+  const int code = run_program(words, workshop / "ffmpeg.log");
+  if (code != 0 || !fs::exists(draft))
+    throw ExportError(fmt::format("ffmpeg failed (exit code {}):{}", code, last_words(workshop / "ffmpeg.log")));
+  if (request.movie->has_parent_path()) make_directory(request.movie->parent_path());
+  write_file(*request.movie, read_file(draft));
+}
+
+/// A picture (portable pixmap, eight bits a colour) as text for a terminal: two pixels a character, one above the other.
+std::string terminal_text(const std::string& ppm) {
+  std::size_t width = 0, height = 0, begin = 0;
+  for (int word = 0; word < 4; ++word) {  // "P6", width, height, greatest value; remarks between them
+    while (begin < ppm.size() && ppm[begin] == '#') begin = ppm.find('\n', begin) + 1;
+    const std::size_t end = ppm.find_first_of(" \n", begin);
+    if (end == std::string::npos) throw ExportError("povray has written a picture that cannot be read");
+    if (word == 1) std::from_chars(ppm.data() + begin, ppm.data() + end, width);
+    if (word == 2) std::from_chars(ppm.data() + begin, ppm.data() + end, height);
+    begin = end + 1;
+  }
+  if (ppm.size() < begin + 3 * width * height) throw ExportError("povray has written a picture that cannot be read");
+  const auto colour = [&](std::size_t x, std::size_t y) {
+    const auto byte = [&](std::size_t k) { return static_cast<unsigned char>(ppm[begin + 3 * (y * width + x) + k]); };
+    return fmt::format("{};{};{}", byte(0), byte(1), byte(2));
+  };
+  std::string text;
+  for (std::size_t y = 0; y + 1 < height; y += 2) {
+    for (std::size_t x = 0; x < width; ++x)
+      text += fmt::format("\033[38;2;{}m\033[48;2;{}m\u2580", colour(x, y), colour(x, y + 1));
+    text += "\033[0m\n";
+  }
+  return text;
 }
 
 /// One frame and one range of colours for all pictures of a series, so that nothing jumps.
@@ -143,8 +219,7 @@ void settle_style(PictureStyle& style, const std::vector<fs::path>& all, const s
                   const Scene* scene) {
   Box frame = Box::empty();
   std::vector<fs::path> outer = wanted;
-  outer.push_back(all.front());
-  outer.push_back(all.back());
+  if (wanted.size() > 1) outer.insert(outer.end(), {all.front(), all.back()});
   double low = infinity, high = -infinity, gas_low = infinity, gas_high = -infinity;
   for (std::size_t i = 0; i < outer.size(); ++i) {
     const Image image = read_image_file(outer[i]).image;
@@ -168,9 +243,12 @@ void settle_style(PictureStyle& style, const std::vector<fs::path>& all, const s
 }  // namespace
 
 std::string render_run(const RenderRequest& request) {
-  const Size size = parse_size(request.size);
+  const Size size =
+      request.preview > 0 ? Size{request.preview, request.preview * 3 / 4 / 2 * 2} : parse_size(request.size);
   const Frames frames = find_frames(request.run);
-  const std::vector<fs::path> wanted = wanted_frames(frames, request.frame);
+  if (request.movie) expect_movie(request);
+  const bool has_all = request.movie || request.frame == "all";
+  const std::vector<fs::path> wanted = wanted_frames(frames, has_all ? "all" : request.frame.value_or("-1"));
   if (!is_on_path("povray"))
     throw ExportError(
         "povray is not installed; on Debian and Ubuntu: apt-get install povray (or take moraine export --povray)");
@@ -180,16 +258,30 @@ std::string render_run(const RenderRequest& request) {
   style.aspect = static_cast<double>(size.width) / size.height;
   settle_style(style, frames.files, wanted, scene ? &*scene : nullptr);
 
-  const fs::path folder = request.frame == "all" && request.out ? *request.out : frames.directory / "pictures";
-  const bool has_own_name = request.out && request.frame != "all";
-  if (!has_own_name) make_directory(folder);
+  const fs::path folder = has_all && request.out ? *request.out : frames.directory / "pictures";
+  const bool has_own_name = request.out && !has_all, is_kept = !request.movie && request.preview <= 0;
+  if (is_kept && !has_own_name) make_directory(folder);
   const Workshop workshop;
   std::string text;
-  for (const fs::path& file : wanted) {
-    const fs::path picture = has_own_name ? *request.out : folder / (frame_label(file) + ".png");
-    render_picture(povray_text(read_image_file(file).image, scene ? &*scene : nullptr, style), size, picture,
-                   workshop.path());
-    text += picture.string() + '\n';
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    if (wanted.size() > 1) request.progress(fmt::format("picture {} of {}", i + 1, wanted.size()));
+    const std::string content =
+        render_picture(povray_text(read_image_file(wanted[i]).image, scene ? &*scene : nullptr, style), size,
+                       request.preview > 0 ? PictureKind::ppm : PictureKind::png, workshop.path());
+    if (request.preview > 0) {
+      text += terminal_text(content);
+      continue;
+    }
+    const fs::path picture = request.movie  ? workshop.path() / fmt::format("frame_{:06}.png", i)
+                             : has_own_name ? *request.out
+                                            : folder / (frame_label(wanted[i]) + ".png");
+    write_file(picture, content);
+    if (is_kept) text += picture.string() + '\n';
+  }
+  if (request.movie) {
+    make_movie(request, workshop.path());
+    text += fmt::format("{}: {} frames, {:g} s\n", request.movie->string(), wanted.size(),
+                        static_cast<double>(wanted.size()) / request.rate);
   }
   if (!scene) text += "without walls: " + why_no_scene + '\n';
   return text;

@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "io/checkpoint/durable_file.hpp"
 
@@ -47,6 +48,7 @@ TableColumn column_of(const std::string& header) {
   const bool has_unit = bracket != std::string::npos && header.back() == ']';
   column.name = has_unit ? header.substr(0, bracket) : header;
   if (has_unit) column.unit = header.substr(bracket + 2, header.size() - bracket - 3);
+  if (!has_unit && column.name.find(" / ") != std::string::npos) column.unit = "-";  // a ratio, beside counts
   column.quantity = column.name;
   const std::size_t at = column.name.rfind(" at ");
   if (at == std::string::npos || column.name.size() < at + 8 || !column.name.ends_with(" m")) return column;
@@ -94,7 +96,8 @@ std::vector<RunTable> read_run_tables(const fs::path& directory) {
   if (fs::is_directory(directory))
     for (const fs::directory_entry& entry : fs::directory_iterator(directory))
       if (entry.is_regular_file() && entry.path().extension() == ".csv") files.push_back(entry.path());
-  std::sort(files.begin(), files.end());
+  const auto order = [](const fs::path& file) { return std::pair(file.stem() == "balance", file); };
+  std::sort(files.begin(), files.end(), [&](const fs::path& a, const fs::path& b) { return order(a) < order(b); });
   std::vector<RunTable> tables;
   for (const fs::path& file : files) {
     RunTable table = read_table(file);

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstring>
 #include <numeric>
+#include <span>
 
 #include "io/checkpoint/image_file.hpp"
 #include "io/export/frames.hpp"
@@ -20,12 +21,16 @@ class Appended {
  public:
   /// Adds an array and returns the offset to name in the header.
   template <class T>
-  std::size_t add(const std::vector<T>& values) {
+  std::size_t add(std::span<const T> values) {
     const std::size_t offset = bytes_.size();
     const std::uint64_t length = values.size() * sizeof(T);
     append(&length, sizeof length);
     append(values.data(), length);
     return offset;
+  }
+  template <class T>
+  std::size_t add(const std::vector<T>& values) {
+    return add(std::span<const T>(values));
   }
   const std::string& bytes() const { return bytes_; }
 
@@ -42,14 +47,33 @@ std::string data_array(const char* type, const std::string& name, int components
       components, offset);
 }
 
-std::string field_array(const FieldArray& array, Appended& data) {
+const char* type_word(FieldType type) {
+  return type == FieldType::real ? "Float64" : type == FieldType::gid ? "UInt64" : "UInt16";
+}
+
+std::string field_array(const FieldArray& array, GrainRows rows, Appended& data) {
   const FieldInfo& row = info(array.field);
-  const std::string name(row.name);
-  switch (row.type) {
-    case FieldType::real: return data_array("Float64", name, row.components, data.add(array.reals));
-    case FieldType::gid: return data_array("UInt64", name, 1, data.add(array.gids));
-    default: return data_array("UInt16", name, 1, data.add(array.indices));
-  }
+  const auto those = [&](const auto& values) {
+    const auto n = static_cast<std::size_t>(row.components);
+    return std::span(values).subspan(n * rows.begin, n * (rows.end - rows.begin));
+  };
+  const std::size_t offset = row.type == FieldType::real  ? data.add(those(array.reals))
+                             : row.type == FieldType::gid ? data.add(those(array.gids))
+                                                          : data.add(those(array.indices));
+  return data_array(type_word(row.type), std::string(row.name), row.components, offset);
+}
+
+/// Of a .pvtp: what the pieces' array is like.
+std::string array_of_pieces(const FieldArray& array) {
+  const FieldInfo& row = info(array.field);
+  return fmt::format("<PDataArray type=\"{}\" Name=\"{}\" NumberOfComponents=\"{}\"/>\n", type_word(row.type), row.name,
+                     row.components);
+}
+
+const FieldArray& positions_of(const Image& image) {
+  const FieldArray* positions = image.find(Field::position);
+  if (positions == nullptr) throw ExportError("VTK files need the field position in the snapshot");
+  return *positions;
 }
 
 std::string time_value(double time) {
@@ -130,9 +154,9 @@ std::string vtp_text(const WallMap& map, double time) {
          "\n</AppendedData>\n</VTKFile>\n";
 }
 
-std::string vtp_text(const Image& image) {
-  const FieldArray* positions = image.find(Field::position);
-  if (positions == nullptr) throw ExportError("VTK files need the field position in the snapshot");
+std::string vtp_text(const Image& image, GrainRows rows) {
+  const FieldArray& positions = positions_of(image);
+  const std::uint64_t n_grains = rows.end - rows.begin;
   Appended data;
   std::string text =
       "<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"1.0\" byte_order=\"LittleEndian\" "
@@ -141,17 +165,29 @@ std::string vtp_text(const Image& image) {
   text += fmt::format(
       "<Piece NumberOfPoints=\"{0}\" NumberOfVerts=\"{0}\" NumberOfLines=\"0\" NumberOfStrips=\"0\" "
       "NumberOfPolys=\"0\">\n<PointData>\n",
-      image.n_grains);
+      n_grains);
   for (const FieldArray& array : image.fields)
-    if (array.field != Field::position) text += field_array(array, data);
-  text += "</PointData>\n<Points>\n" + field_array(*positions, data) + "</Points>\n<Verts>\n";
-  std::vector<std::int64_t> numbers(image.n_grains);
+    if (array.field != Field::position) text += field_array(array, rows, data);
+  text += "</PointData>\n<Points>\n" + field_array(positions, rows, data) + "</Points>\n<Verts>\n";
+  std::vector<std::int64_t> numbers(n_grains);
   std::iota(numbers.begin(), numbers.end(), 0);
   text += data_array("Int64", "connectivity", 1, data.add(numbers));
   std::iota(numbers.begin(), numbers.end(), 1);
   text += data_array("Int64", "offsets", 1, data.add(numbers));
   return text + "</Verts>\n</Piece>\n</PolyData>\n<AppendedData encoding=\"raw\">\n_" + data.bytes() +
          "\n</AppendedData>\n</VTKFile>\n";
+}
+
+std::string pvtp_text(const Image& image, const std::vector<std::string>& pieces) {
+  std::string text =
+      "<?xml version=\"1.0\"?>\n<VTKFile type=\"PPolyData\" version=\"1.0\" byte_order=\"LittleEndian\" "
+      "header_type=\"UInt64\">\n<PPolyData GhostLevel=\"0\">\n";
+  text += time_value(image.time) + "<PPointData>\n";
+  for (const FieldArray& array : image.fields)
+    if (array.field != Field::position) text += array_of_pieces(array);
+  text += "</PPointData>\n<PPoints>\n" + array_of_pieces(positions_of(image)) + "</PPoints>\n";
+  for (const std::string& piece : pieces) text += fmt::format("<Piece Source=\"{}\"/>\n", piece);
+  return text + "</PPolyData>\n</VTKFile>\n";
 }
 
 std::string pvd_text(const std::vector<std::pair<double, std::string>>& frames) {

@@ -58,6 +58,11 @@ void add_run(py::module_& module) {
            "function(run) gives the force per mass of each grain [m/s2], an array that broadcasts to (n, 3), in every "
            "step; None "
            "ends it. All ranks.")
+      .def(
+          "set_wall_motion", &ScriptedRun::set_wall_motion, py::arg("wall"), py::arg("function"), py::arg("every") = 1,
+          "Moves a wall whose motion in the scene is {type = \"script\", max_speed = ...}: function(time) gives the "
+          "velocity [m/s] of its origin, or (velocity, angular velocity [rad/s]), held for `every` steps; `time` is in "
+          "the middle of these. To be called before the first step, and again after a restart. All ranks.")
       .def("array", &ScriptedRun::array, py::arg("name"), "A field by name, as its attribute.")
       .def("_writable", &ScriptedRun::writable)
       .def("_grains_changed", &ScriptedRun::grains_changed)

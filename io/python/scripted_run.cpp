@@ -67,6 +67,34 @@ std::unique_ptr<Simulation> go_on_from(const fs::path& path, const Scene& scene,
   throw py::error_already_set();
 }
 
+/// A Python function that may be let go of by whoever holds it, with Python's lock or without.
+struct Held {
+  explicit Held(py::function f) : function(std::move(f)) {}
+  ~Held() {
+    const py::gil_scoped_acquire lock;
+    function = py::function();
+  }
+  Held(const Held&) = delete;
+  Held& operator=(const Held&) = delete;
+  py::function function;
+};
+
+/// What the motion of a wall says: a velocity, or a velocity and an angular velocity.
+WallRates rates_of(const py::object& said) {
+  const auto values = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(said);
+  if (!values) {
+    PyErr_Clear();
+    throw py::value_error(
+        "a wall's motion gives a velocity [m/s], three numbers, or (velocity, angular velocity [rad/s])");
+  }
+  const bool has_spin = values.ndim() == 2 && values.shape(0) == 2 && values.shape(1) == 3;
+  if (!has_spin && !(values.ndim() == 1 && values.shape(0) == 3))
+    throw py::value_error(
+        "a wall's motion gives a velocity [m/s], three numbers, or (velocity, angular velocity [rad/s])");
+  const double* const v = values.data();
+  return {{v[0], v[1], v[2]}, has_spin ? Vec3{v[3], v[4], v[5]} : Vec3{}};
+}
+
 /// While it lives a flag is up.
 class Raised {
  public:
@@ -143,7 +171,9 @@ void ScriptedRun::start(const ScriptScene& scene, const std::optional<fs::path>&
 Simulation& ScriptedRun::whole() const {
   if (!simulation_) throw std::runtime_error(why_over_);
   if (is_in_body_force_)
-    throw std::runtime_error("a body force may look at the grains, and do nothing else with the run");
+    throw std::runtime_error(
+        "a body force may look at the grains, a wall's motion at the time, and neither can do anything else with the "
+        "run");
   return *simulation_;
 }
 const Simulation& ScriptedRun::simulation() const {
@@ -249,6 +279,18 @@ void ScriptedRun::set_body_force(const py::object& function) {
     const py::array_t<double> target(shape, acceleration.data(), py::none());
     py::module_::import("numpy").attr("copyto")(target, function(py::cast(this)));
   });
+}
+
+void ScriptedRun::set_wall_motion(const std::string& wall, py::function function, std::uint64_t every) {
+  whole().set_wall_motion(
+      wall,
+      // Held where it can be let go of: the engine may drop it without Python's lock.
+      [this, held = std::make_shared<Held>(std::move(function))](double time) {
+        const py::gil_scoped_acquire lock;
+        const Raised asked(is_in_body_force_);
+        return rates_of(held->function(time));
+      },
+      every);
 }
 
 FieldView ScriptedRun::view(const std::string& name) {
@@ -380,6 +422,7 @@ py::dict ScriptedRun::energy() const {
   put("lost_tangential", e.lost_tangential);
   put("lost_friction", e.lost_friction);
   put("lost_drag", e.lost_drag);
+  put("wall_work", e.wall_work);
   put("left", e.left);
   put("total", e.total());
   put("error", e.error());

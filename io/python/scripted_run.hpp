@@ -41,6 +41,7 @@ class ScriptedRun {
   void add_callback(std::uint64_t interval, pybind11::function function);
   void remove_callback(const pybind11::function& function);
   void set_body_force(const pybind11::object& function);
+  void set_wall_motion(const std::string& wall, pybind11::function function, std::uint64_t every);
 
   /// Throws KeyError where the scene has no such field.
   pybind11::array array(const std::string& name);
@@ -87,7 +88,7 @@ class ScriptedRun {
   std::vector<Callback> callbacks_;
   std::chrono::steady_clock::time_point next_look_;
   bool is_stopping_ = false, is_advancing_ = false;
-  bool is_in_body_force_ = false;  // the grains must stay where they are
+  bool is_in_body_force_ = false;  // or in the motion of a wall: the grains must stay where they are
   std::string
       why_over_;  // it cannot be stepped any more, or not before the grains have been put in order; empty: it can
   bool is_spoiled_ = false;  // by edited grains

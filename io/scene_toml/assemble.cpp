@@ -247,10 +247,11 @@ class Assembler {
     goes_with("angles", {Kind::rotate}, "rotate");
     goes_with("ramp", {Kind::translate, Kind::rotate}, "translate and rotate");
     goes_with("axis", {Kind::rotate, Kind::vibrate, Kind::swing, Kind::servo}, "rotate, vibrate, swing and servo");
-    goes_with("origin", {Kind::rotate, Kind::swing, Kind::servo}, "rotate, swing and servo");
+    goes_with("origin", {Kind::rotate, Kind::swing, Kind::servo, Kind::script}, "rotate, swing, servo and script");
     for (const char* key : {"amplitude", "frequency", "phase"})
       goes_with(key, {Kind::vibrate, Kind::swing}, "vibrate and swing");
-    for (const char* key : {"force", "torque", "gain", "max_speed", "mass"}) goes_with(key, {Kind::servo}, "servo");
+    goes_with("max_speed", {Kind::servo, Kind::script}, "servo and script");
+    for (const char* key : {"force", "torque", "gain", "mass"}) goes_with(key, {Kind::servo}, "servo");
   }
 
   void set_shape(const WallDraft& draft, const std::string& path, WallDefinition& wall) {

@@ -521,15 +521,18 @@ const KeyTable<WallMotion>& motion_keys() {
            {"rotate", Kind::rotate},
            {"vibrate", Kind::vibrate},
            {"swing", Kind::swing},
-           {"servo", Kind::servo}},
+           {"servo", Kind::servo},
+           {"script", Kind::script}},
           {"",
            "translate with a velocity or through places; rotate about an axis; vibrate: amplitude sin(2 pi frequency "
-           "t + phase) along the axis; swing: the same about the axis; servo: driven until the grains push as given"},
+           "t + phase) along the axis; swing: the same about the axis; servo: driven until the grains push as given; "
+           "script: as a function of the Python script that runs the scene says"},
           "none", required_key),
       value("velocity", &Motion::velocity, {"m/s", "translate: velocity"}),
       value("places", &Motion::places,
             {"m", "translate: displacement at given times, straight between, resting before and after"}),
-      value("origin", &Motion::origin, {"m", "rotate, swing, servo with torque: a point of the axis"}),
+      value("origin", &Motion::origin,
+            {"m", "rotate, swing, servo with torque: a point of the axis; script: the point whose velocity is given"}),
       direction("axis", &Motion::axis, "\"z\"", "direction of the axis"),
       value("speed", &Motion::speed, {"rad/s", "rotate: angular velocity, right-handed about the axis"}),
       value("angles", &Motion::angles,
@@ -548,7 +551,8 @@ const KeyTable<WallMotion>& motion_keys() {
              "forwards against them"}),
       value("gain", &Motion::gain,
             {"m/(s N)", "servo: speed along (about) the axis for each unit of force (torque) beyond the wanted one"}),
-      value("max_speed", &Motion::max_speed, {"m/s or rad/s", "servo: it never becomes faster"}),
+      value("max_speed", &Motion::max_speed,
+            {"m/s or rad/s", "servo: it never becomes faster; script [m/s]: no point of the wall in the domain may"}),
       value("mass", &Motion::mass, {"kg or kg m2", "servo: inertia against changes of its speed; 0: none"}),
   }};
   return keys;

@@ -35,6 +35,15 @@ ImageFile read_image_file(const fs::path& path) {
   return found;
 }
 
+std::vector<std::uint64_t> grains_of_rank_files(const fs::path& path) {
+  const ColumnForm gids{"particles/gid", FieldType::gid, 1, {}};
+  std::vector<std::uint64_t> counts;
+  const Hdf5Reader front(path, {"checkpoint", "snapshot"}, false);
+  for (const std::string& name : front.rank_files())
+    counts.push_back(Hdf5Reader(path.parent_path() / name, {rank_file_kind}, false).n_rows(gids));
+  return counts;
+}
+
 std::string snapshot_name(std::uint64_t step) { return fmt::format("snapshot_{:012}.h5", step); }
 
 std::optional<std::uint64_t> snapshot_step(const fs::path& path) {

@@ -32,6 +32,9 @@ struct ImageFile {
 };
 ImageFile read_image_file(const std::filesystem::path& path);
 
+/// How many of its grains each of the files of ranks holds that it names, in order of gid; nothing for a whole file. Throws StorageError.
+std::vector<std::uint64_t> grains_of_rank_files(const std::filesystem::path& path);
+
 /// snapshot_000000012000.h5
 std::string snapshot_name(std::uint64_t step);
 

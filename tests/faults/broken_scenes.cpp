@@ -258,10 +258,12 @@ const std::vector<Broken> table = {
      "25: key \"wall[0].mesh.file\" = \"cut.stl\": the file was cut short: 538976288 triangles need 26948814484 bytes, "
      "it has 100: FILES/cut.stl"},
     {"motion of no type", "name = \"floor\"", "name = \"floor\"\nmotion = [{ velocity = [0, 0, 1] }]",
-     "24: key \"wall[0].motion[0].type\": missing; expected \"translate\", \"rotate\", \"vibrate\", \"swing\" or "
-     "\"servo\": translate with a velocity or through places; rotate about an axis; vibrate: amplitude sin(2 pi "
+     "24: key \"wall[0].motion[0].type\": missing; expected \"translate\", \"rotate\", \"vibrate\", \"swing\", "
+     "\"servo\" or \"script\": translate with a velocity or through places; rotate about an axis; vibrate: amplitude "
+     "sin(2 pi "
      "frequency "
-     "t + phase) along the axis; swing: the same about the axis; servo: driven until the grains push as given"},
+     "t + phase) along the axis; swing: the same about the axis; servo: driven until the grains push as given; script: "
+     "as a function of the Python script that runs the scene says"},
     {"speed of a translation", "name = \"floor\"", "name = \"floor\"\nmotion = [{ type = \"translate\", speed = 1 }]",
      "24: key \"wall[0].motion[0].speed\" = 1: goes with type rotate only"},
     {"times in no order", "name = \"floor\"",
@@ -273,6 +275,16 @@ const std::vector<Broken> table = {
     {"servo of two aims", "name = \"floor\"",
      "name = \"floor\"\nmotion = [{ type = \"servo\", force = 1, torque = 1, gain = 1, max_speed = 0.1 }]",
      "24: key \"wall[0].motion[0]\": has force and torque; a servo needs exactly one of force and torque"},
+    {"script without a limit", "name = \"floor\"", "name = \"floor\"\nmotion = [{ type = \"script\" }]",
+     "24: key \"wall[0].motion[0].max_speed\": is 0; a wall that a script moves needs a speed > 0 that no point of it "
+     "in "
+     "the domain ever exceeds [m/s]"},
+    {"script and another motion", "name = \"floor\"",
+     "name = \"floor\"\nmotion = [{ type = \"script\", max_speed = 1 }, { type = \"rotate\", speed = 1 }]",
+     "24: key \"wall[0].motion[0]\": is not the only motion of its wall; what a script moves is moved by it alone"},
+    {"axis of a script", "name = \"floor\"",
+     "name = \"floor\"\nmotion = [{ type = \"script\", max_speed = 1, speed = 1 }]",
+     "24: key \"wall[0].motion[0].speed\" = 1: goes with type rotate only"},
     {"mirror that moves", "name = \"floor\"",
      "name = \"floor\"\nsymmetry = true\nmotion = [{ type = \"translate\", velocity = [0, 0, 1] }]",
      "25: key \"wall[0].motion\": does not go with symmetry: a mirror stays where it is"},

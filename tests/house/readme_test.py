@@ -39,6 +39,24 @@ class Readme(unittest.TestCase):
             code, output = run(PROGRAM, "check", scene)
         self.assertEqual(code, 0, output)
 
+    def test_the_page_of_scene_keys_is_what_the_program_has(self):
+        code, output = run(PROGRAM, "keys")
+        self.assertEqual(code, 0)
+        with open(os.path.join(ROOT, "examples", "keys.md"), encoding="utf-8") as page:
+            self.assertEqual(page.read(), output, "renew it: ./moraine keys > examples/keys.md")
+
+    def test_each_example_links_to_what_is_there_and_is_listed(self):
+        with open(os.path.join(ROOT, "examples", "README.md"), encoding="utf-8") as page:
+            listed = page.read()
+        for name in sorted(os.listdir(os.path.join(ROOT, "examples"))):
+            folder = os.path.join(ROOT, "examples", name)
+            if not os.path.isfile(os.path.join(folder, "README.md")):
+                continue
+            self.assertIn(f"({name})", listed)
+            with open(os.path.join(folder, "README.md"), encoding="utf-8") as page:
+                for link in re.findall(r"\]\((?!https?:)([^)#]+)[^)]*\)", page.read()):
+                    self.assertTrue(os.path.exists(os.path.join(folder, link)), f"{name}: {link}")
+
     def test_each_command_that_it_lists_exists(self):
         commands = re.findall(r"^\| `\./moraine (\w+)", README, re.MULTILINE)
         self.assertGreater(len(commands), 5)

@@ -153,3 +153,17 @@ TEST_CASE("runs in double and in mixed precision have different hashes even whil
   CHECK(in_double.snapshot().find(Field::position)->reals == in_mixed.snapshot().find(Field::position)->reals);
   CHECK_FALSE(in_double.state_hash() == in_mixed.state_hash());
 }
+
+TEST_CASE("walls that a program moves give the same bits on any threads and for any skin") {
+  Scene scene = scenes::driven();
+  scene.output.energy = true;
+  Simulation one(scene, 1);
+  trace::drive(one);
+  const std::vector<trace::Moment> expected = trace::record(one, 900, 150);
+  for (const int n_threads : {2, 5}) {
+    scene.run.skin = 0.1 * n_threads * scenes::d;
+    Simulation run(scene, n_threads);
+    trace::drive(run);
+    CHECK(trace::difference(expected, trace::record(run, 900, 150)) == "");
+  }
+}

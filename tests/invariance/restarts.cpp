@@ -92,3 +92,24 @@ TEST_CASE("a run restored while its gate opens and grains leave through the outl
     CHECK(trace::difference(unbroken.checkpoint(), broken.checkpoint()) == "");
   }
 }
+
+TEST_CASE(
+    "a run whose walls a program moves goes on at any step, between its calls as well, once the program is there "
+    "again") {
+  Scene scene = scenes::driven();
+  scene.output.energy = true;
+  Simulation unbroken(scene, 1);
+  trace::drive(unbroken);
+  for (int i = 0; i < 600; ++i) unbroken.step();
+  Simulation broken(scene, 2, unbroken.checkpoint());
+  CHECK_THROWS_WITH(broken.step(), Catch::Contains("after a restart as well"));
+  for (int i = 0; i < 60; ++i) {
+    broken = Simulation(scene, 1 + i % 3, unbroken.checkpoint());
+    trace::drive(broken);
+    unbroken.step();
+    broken.step();
+    INFO("step " << unbroken.step_number());
+    REQUIRE(trace::difference(unbroken.checkpoint(), broken.checkpoint()) == "");
+    REQUIRE(trace::ledger_bits(unbroken.energy()) == trace::ledger_bits(broken.energy()));
+  }
+}

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <functional>
 #include <memory>
@@ -74,6 +75,20 @@ inline Moment look(Simulation& simulation) {
   look_at_fields(simulation, snapshot, moment);
   if (simulation.scene().output.energy) moment.ledger = ledger_bits(simulation.energy());
   return moment;
+}
+
+/// Moves the walls of scenes::driven(): the lid up and down, asked in each step; the blade about a moving point and tilting, asked every 7 steps.
+inline void drive(Simulation& simulation) {
+  simulation.set_wall_motion("lid", [](double t) {
+    return WallRates{{0.0, 0.0, -0.2 * std::sin(60.0 * t)}, {0.0, 0.0, 2.0}};
+  });
+  simulation.set_wall_motion(
+      "blade",
+      [](double t) {
+        return WallRates{{0.1 * std::cos(25.0 * t), 0.1 * std::sin(25.0 * t), 0.0},
+                         {std::sin(40.0 * t), 0.0, 10.0 * std::cos(9.0 * t)}};
+      },
+      7);
 }
 
 /// Moments of a run of n steps, every so many.

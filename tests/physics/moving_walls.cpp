@@ -189,3 +189,59 @@ TEST_CASE("a servo presses with the force that it is told, light or heavy", "[wa
     CHECK(row[7] < -1.9e-3);  // down to the second grain
   }
 }
+
+namespace {
+
+/// Where a grain is at 0.05 s that a floor throws up, whose motion is in the scene, or is told by a function every so many steps.
+Vec3 thrown(double step, std::uint64_t every) {
+  WallMotion motion = vibration(4e-4, 50.0, 0.4);
+  const double omega = 100.0 * pi;
+  const bool is_told = every > 0;
+  WallMotion script;
+  script.kind = WallMotion::Kind::script;
+  script.max_speed = 0.2;
+  Scene scene = scene_with_floor({is_told ? script : motion}, step);
+  // The function gives velocities only: its path begins where the floor is described.
+  if (is_told) std::get<PlaneShape>(scene.walls[0].shape).point.z = motion.amplitude * std::sin(motion.phase);
+  add_grain(scene, "grain", radius, {0, 0, radius + 4e-4}, {0.1, 0, 0});
+  Simulation run(scene, 1);
+  if (is_told)
+    run.set_wall_motion(
+        "floor",
+        [&](double t) {
+          return WallRates{{0, 0, motion.amplitude * omega * std::cos(omega * t + motion.phase)}, {}};
+        },
+        every);
+  while (run.time() < 0.05 - 0.5 * step) run.step();
+  return state_of(run).position[0];
+}
+
+}  // namespace
+
+TEST_CASE("a floor moved by a function of time throws a grain as one moved by the scene does, to the second order",
+          "[walls]") {
+  double before = 0.0;
+  for (const double step : {8e-6, 4e-6, 2e-6}) {
+    const double off = length(thrown(step, 1) - thrown(step, 0));
+    report("floor told by a function, step %.0e s: off by %.2e m after 0.05 s", step, off);
+    if (before > 0.0) CHECK(off < before / 3.0);
+    before = off;
+  }
+  CHECK(before < 2e-9);
+  CHECK(length(thrown(2e-6, 10) - thrown(2e-6, 0)) < 1e-5);
+}
+
+TEST_CASE("a script's turns add up to the turn that they are, and stretch nothing", "[walls]") {
+  ScriptState script;
+  script.origin = script.centre = {0.1, -0.2, 0.3};
+  script.velocity = {0.3, 0.2, -0.1};
+  script.spin = {1.0, -2.0, 3.0};
+  const int n = 100000;
+  const double dt = 1e-4;
+  for (int i = 0; i < n; ++i) script = advanced(script, dt);
+  const Vec3 arm{0.05, 0.07, -0.02};
+  const Vec3 expected = script.origin + n * dt * script.velocity +
+                        turn_about(normalized(script.spin), n * dt * length(script.spin)).turn(arm);
+  CHECK(length(script.pose.to_world(script.origin + arm) - expected) < 1e-11);
+  CHECK(length(script.pose.to_home(script.pose.to_world(arm)) - arm) < 1e-15);
+}

@@ -250,6 +250,44 @@ TEST_CASE("forces and velocities from outside give the same bits on any ranks an
   }
 }
 
+TEST_CASE("walls that a program moves give the same bits on any ranks and threads, and after a restart") {
+  const World& all = ranks::world();
+  Scene scene = scenes::driven();
+  scene.output.energy = true;
+  constexpr int n_steps = 300, between = 150;
+  Simulation alone(scene, 1);
+  trace::drive(alone);
+  const std::vector<trace::Moment> before = trace::record(alone, n_steps, between);
+  const std::vector<trace::Moment> after = trace::record(alone, n_steps, between);
+  for (const Layout& layout : layouts) {
+    const std::optional<World> world = all.first(std::min(layout.ranks, all.size()));
+    if (!world) continue;
+    INFO(name_of("driven", layout));
+    Simulation first(scene, layout.threads, *world);
+    trace::drive(first);
+    CHECK(trace::difference(before, trace::record(first, n_steps, between)) == "");
+    Simulation second(scene, layout.threads, first.checkpoint(), *world);
+    trace::drive(second);
+    CHECK(trace::difference(after, trace::record(second, n_steps, between)) == "");
+  }
+}
+
+TEST_CASE("ranks that are told different motions of a wall say so, and do not part") {
+  const World& all = ranks::world();
+  if (all.is_alone()) return;
+  Simulation simulation(scenes::driven(), 1, all);
+  trace::drive(simulation);
+  simulation.set_wall_motion("lid", [rank = all.rank()](double) { return WallRates{{0.0, 0.0, 1e-3 * rank}, {}}; });
+  std::string said;
+  try {
+    for (int i = 0; i < 400; ++i) simulation.step();
+  } catch (const RunError& error) {
+    said = error.what();
+  }
+  CHECK(said ==
+        "wall \"lid\" is moved differently by the scripts of the ranks: its function must depend on the time alone");
+}
+
 TEST_CASE("a heavy ball that throws up light grains does so on all ranks alike") {
   Scene scene = scenes::basic();
   scene.domain.low = {-0.1, -0.1, -0.01};

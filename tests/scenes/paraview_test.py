@@ -1,6 +1,9 @@
-"""ParaView itself opens a run: snapshots.xdmf and the .pvd of an export. Run by pvpython; see pictures_test.py for the rest.
+"""ParaView itself opens series of runs and exports. Run by pvpython; see pictures_test.py for the rest.
 
-usage: pvpython paraview_test.py RUN EXPORT      (prints what it finds as JSON)
+usage: pvpython paraview_test.py FILE...      (.xdmf or .pvd; prints what it finds as JSON)
+
+Of each file: for each time the data sets in it, each with its numbers of points and cells, and for each array of these the components and the
+sum of all values.
 """
 
 import json
@@ -10,32 +13,33 @@ from paraview import simple, servermanager
 from vtkmodules.util.numpy_support import vtk_to_numpy
 
 
-def blocks(data):
+def leaves(data):
     """The data sets in a tree of them."""
     if not hasattr(data, "GetNumberOfBlocks"):
         return [data]
-    return [leaf for k in range(data.GetNumberOfBlocks()) if data.GetBlock(k) for leaf in blocks(data.GetBlock(k))]
+    return [leaf for k in range(data.GetNumberOfBlocks()) if data.GetBlock(k) for leaf in leaves(data.GetBlock(k))]
 
 
-def describe(reader, times):
-    frames = []
-    for time in times:
-        reader.UpdatePipeline(time)
-        found = {"time": time}
-        for leaf in blocks(servermanager.Fetch(reader)):
-            point, cell = leaf.GetPointData(), leaf.GetCellData()
-            arrays = {a.GetArrayName(k): a.GetArray(k) for a in (point, cell) for k in range(a.GetNumberOfArrays())}
-            if "radius" in arrays:
-                found.update(grains=leaf.GetNumberOfPoints(), radii=float(vtk_to_numpy(arrays["radius"]).sum()),
-                             heights=float(sum(leaf.GetPoint(i)[2] for i in range(leaf.GetNumberOfPoints()))), fields=sorted(arrays))
-            elif "void_fraction" in arrays:
-                found.update(cells=leaf.GetNumberOfCells(), void=float(vtk_to_numpy(arrays["void_fraction"]).sum()))
-        frames.append(found)
-    return frames
+def arrays(data):
+    found = {}
+    for k in range(data.GetNumberOfArrays()):
+        values = vtk_to_numpy(data.GetArray(k))
+        found[data.GetArrayName(k)] = [1 if values.ndim == 1 else values.shape[1], float(values.astype(float).sum())]
+    return found
+
+
+def describe(leaf):
+    return {"points": leaf.GetNumberOfPoints(), "cells": leaf.GetNumberOfCells(), "of points": arrays(leaf.GetPointData()),
+            "of cells": arrays(leaf.GetCellData()),
+            "heights": sum(leaf.GetPoint(i)[2] for i in range(leaf.GetNumberOfPoints())) if leaf.GetNumberOfPoints() < 1e5 else None}
 
 
 results = {}
-for name, file in (("xdmf", sys.argv[1] + "/snapshots.xdmf"), ("pvd", sys.argv[2] + "/grains.pvd")):
-    source = simple.OpenDataFile(file) if name == "pvd" else simple.XDMFReader(FileNames=[file])
-    results[name] = describe(source, list(source.TimestepValues))
+for file in sys.argv[1:]:
+    source = simple.XDMFReader(FileNames=[file]) if file.endswith(".xdmf") else simple.OpenDataFile(file)
+    results[file] = []
+    for time in source.TimestepValues:
+        source.UpdatePipeline(time)
+        results[file].append({"time": time, "sets": [describe(leaf) for leaf in leaves(servermanager.Fetch(source))]})
+    simple.Delete(source)
 print("RESULT " + json.dumps(results))

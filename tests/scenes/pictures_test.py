@@ -2,7 +2,7 @@
 
 usage: pictures_test.py PROJECT PROGRAM
 
-Each reader is the real one, and its tests are skipped where it is not installed: python3-vtk9, paraview, chromium, gnuplot, povray,
+Each reader is the real one, and its tests are skipped where it is not installed: python3-paraview (VTK is part of it), chromium, gnuplot, povray, ffmpeg,
 python3-h5py.
 """
 
@@ -25,7 +25,7 @@ except ImportError:
 try:
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkIOGeometry import vtkTecplotReader
-    from vtkmodules.vtkIOXML import vtkXMLImageDataReader, vtkXMLPolyDataReader
+    from vtkmodules.vtkIOXML import vtkXMLImageDataReader, vtkXMLPolyDataReader, vtkXMLPPolyDataReader
     has_vtk = True
 except ImportError:
     has_vtk = False
@@ -33,6 +33,9 @@ try:
     from matplotlib import image as matplotlib_image
 except ImportError:
     matplotlib_image = None
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+from small_examples import SMALL  # noqa: E402
 
 PROJECT, PROGRAM = Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve()
 ENVIRONMENT = dict(os.environ, GOMP_SPINCOUNT="1000", OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
@@ -108,7 +111,7 @@ def snapshots(run):
     return sorted(path for path in (run / "snapshots").glob("snapshot_*.h5") if re.fullmatch(r"snapshot_\d+\.h5", path.name))
 
 
-@unittest.skipUnless(has_vtk and h5py, "python3-vtk9 or python3-h5py is not installed")
+@unittest.skipUnless(has_vtk and h5py, "python3-paraview (or python3-vtk9) or python3-h5py is not installed")
 class Exports(unittest.TestCase):
     def each_frame(self, kind, ending):
         """Of one file a snapshot and of one a rank: number, snapshot, exported grains."""
@@ -117,18 +120,30 @@ class Exports(unittest.TestCase):
             program("export", run, f"--{kind}", "--out", out)
             files = snapshots(run)
             self.assertEqual(len(files), 6)
-            self.assertEqual(len(list(out.glob(f"grains_*{ending}"))), 6)
+            self.assertEqual(len(list(out.glob(f"grains_????????????{ending}"))), 6)
             for file in files:
                 step = re.search(r"\d+", file.name).group()
                 with h5py.File(file) as snapshot:
                     yield step, snapshot, out
 
     def test_vtk_reads_grains_and_gas_of_every_snapshot_bit_by_bit(self):
-        for step, snapshot, out in self.each_frame("vtk", ".vtp"):
-            reader = vtkXMLPolyDataReader()
-            reader.SetFileName(str(out / f"grains_{step}.vtp"))
+        for step, snapshot, out in self.each_frame("vtk", ".*vtp"):
+            whole = out / f"grains_{step}.vtp"
+            is_whole = whole.is_file()
+            self.assertEqual(is_whole, out.name == "run-vtk")
+            reader = vtkXMLPolyDataReader() if is_whole else vtkXMLPPolyDataReader()
+            reader.SetFileName(str(whole if is_whole else whole.with_suffix(".pvtp")))
             reader.Update()
             grains = reader.GetOutput()
+            if not is_whole:  # what each rank has written, in order of gid
+                pieces = [vtkXMLPolyDataReader() for _ in range(2)]
+                for number, piece in enumerate(pieces):
+                    piece.SetFileName(str(out / f"grains_{step}_{number}.vtp"))
+                    piece.Update()
+                counts = [h5py.File(file)["particles/gid"].size for file in sorted((SHARED / "snapshots").glob(f"snapshot_{step}.rank-*.h5"))]
+                self.assertEqual([piece.GetOutput().GetNumberOfPoints() for piece in pieces], counts)
+                self.assertTrue(all(counts))
+                self.assertEqual((out / "grains.pvd").read_text().count(".pvtp"), 6)
             np.testing.assert_array_equal(vtk_to_numpy(grains.GetPoints().GetData()), snapshot["particles/position"][:])
             self.assertEqual(grains.GetNumberOfVerts(), 300)
             for name in "radius", "velocity", "gid", "material":
@@ -169,26 +184,98 @@ class Exports(unittest.TestCase):
             np.testing.assert_array_equal(rows["positionz_m"], snapshot["particles/position"][:, 2])
 
 
-@unittest.skipUnless(shutil.which("pvpython") and h5py, "paraview or python3-h5py is not installed")
+def sums(group):
+    """The sum of each dataset of an open file's group, and its components."""
+    return {name: [1 if values.ndim != 2 else values.shape[1], float(values[:].astype(float).sum())] for name, values in group.items()}
+
+
+@unittest.skipUnless(shutil.which("pvpython") and h5py, "paraview (python3-paraview) or python3-h5py is not installed")
 class ParaView(unittest.TestCase):
-    def test_it_opens_runs_and_exports_with_every_grain(self):
-        program("export", RUN, "--vtk", "--out", FOLDER / "for-paraview")
-        done = subprocess.run(["pvpython", "--force-offscreen-rendering", Path(__file__).parent / "paraview_test.py", RUN, FOLDER / "for-paraview"],
+    """It opens every example, and every export, and finds in each moment what the snapshot holds."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.runs = {"of one rank": RUN, "of two, in files of their own": SHARED}
+        files = []
+        for name, (settings, _, _) in SMALL.items():
+            run = cls.runs[name] = FOLDER / f"example-{name}"
+            interval = next(setting.split("=")[1] for setting in settings if setting.startswith("output.snapshots="))
+            program("run", PROJECT / "examples" / name / "scene.toml", "--out", run, "--layout", "1x2",
+                    *(word for setting in [*settings, f"time.end={interval}"] for word in ("--set", setting)))
+        for name, run in cls.runs.items():
+            program("export", run, "--vtk")
+            files += [*run.glob("*.xdmf"), *(run / "vtk").glob("*.pvd")]
+        done = subprocess.run(["pvpython", "--force-offscreen-rendering", Path(__file__).parent / "paraview_test.py", *files],
                               capture_output=True, text=True, timeout=300, env=dict(ENVIRONMENT, QT_QPA_PLATFORM="offscreen"))
         found = re.search(r"^RESULT (.*)$", done.stdout, re.MULTILINE)
-        self.assertTrue(found, done.stdout + done.stderr)
-        for source, frames in json.loads(found.group(1)).items():
-            self.assertEqual(len(frames), 6, source)
-            for frame, file in zip(frames, snapshots(RUN)):
-                with h5py.File(file) as snapshot:
-                    self.assertAlmostEqual(frame["time"], snapshot.attrs["time"], places=9)
-                    self.assertEqual(frame["grains"], 300)
-                    self.assertAlmostEqual(frame["radii"], snapshot["particles/radius"][:].sum(), places=9)
-                    self.assertAlmostEqual(frame["heights"], snapshot["particles/position"][:, 2].sum(), places=5)
-                    self.assertTrue({"radius", "velocity", "gid"} <= set(frame["fields"]))
-                    if source == "xdmf":
-                        self.assertEqual(frame["cells"], 200)
-                        self.assertAlmostEqual(frame["void"], snapshot["gas/void_fraction"][:].sum(), places=6)
+        if not found:
+            raise AssertionError(done.stdout + done.stderr)
+        cls.found = {Path(file): moments for file, moments in json.loads(found.group(1)).items()}
+
+    def check_arrays(self, found, expected, n_expected=None):
+        self.assertEqual(set(found), set(expected))
+        for name, (components, total) in expected.items():
+            self.assertEqual(found[name][0], components, name)
+            size = max(abs(total), 1e-300)
+            self.assertLess(abs(found[name][1] - total), 1e-9 * size + 1e-9 * (n_expected or 0), name)
+
+    def check_grains(self, data, snapshot):
+        grains = sums(snapshot["particles"])
+        self.assertEqual(data["points"], snapshot.attrs["grains"])
+        self.assertAlmostEqual(data["heights"], snapshot["particles/position"][:, 2].sum(), delta=1e-6 * max(1, data["points"]))
+        self.check_arrays({name: value for name, value in data["of points"].items() if name != "position"},
+                          {name: value for name, value in grains.items() if name != "position"}, data["points"])
+
+    def check_gas(self, data, snapshot):
+        shown = {name: values for name, values in snapshot["gas"].items() if values.size == np.prod(snapshot["gas"].attrs["cells"])}
+        self.assertEqual(data["cells"], np.prod(snapshot["gas"].attrs["cells"]))
+        expected = sums(shown)
+        found = {}
+        for name, (components, total) in data["of cells"].items():
+            found[name] = [components, total]
+        for stem in {name[:-2] for name in expected if name.endswith("_x") and name not in found}:
+            expected[stem] = [3, sum(expected.pop(f"{stem}_{axis}")[1] for axis in "xyz")]
+        self.check_arrays(found, expected, data["cells"])
+
+    def test_every_series_of_every_run_has_each_grain_radius_and_field_and_the_gas(self):
+        n_moments = n_gas = 0
+        for name, run in self.runs.items():
+            files = snapshots(run)
+            self.assertGreaterEqual(len(files), 2)
+            for source in run / "snapshots.xdmf", run / "vtk" / "grains.pvd", run / "vtk" / "gas.pvd":
+                if source not in self.found:
+                    self.assertEqual(source.name, "gas.pvd")
+                    continue
+                self.assertEqual(len(self.found[source]), len(files), source)
+                for moment, file in zip(self.found[source], files):
+                    with self.subTest(run=name, source=source.name, file=file.name), h5py.File(file) as snapshot:
+                        self.assertAlmostEqual(moment["time"], snapshot.attrs["time"], places=9)
+                        grains = [data for data in moment["sets"] if "radius" in data["of points"]]
+                        gas = [data for data in moment["sets"] if "void_fraction" in data["of cells"]]
+                        self.assertEqual(len(grains), 0 if source.name == "gas.pvd" else 1)
+                        self.assertEqual(len(gas), 1 if "gas" in snapshot and source.name != "grains.pvd" else 0)
+                        for data in grains:
+                            self.check_grains(data, snapshot)
+                        for data in gas:
+                            self.check_gas(data, snapshot)
+                        n_moments += len(grains)
+                        n_gas += len(gas)
+        self.assertGreaterEqual(n_moments, 2 * 2 * len(self.runs))
+        self.assertGreaterEqual(n_gas, 2 * 2 * 5)
+
+    def test_coarse_grained_fields_are_those_of_their_files(self):
+        n_files = 0
+        for run in self.runs.values():
+            files = sorted((run / "fields").glob("*.h5"))
+            for source in (path for path in self.found if path.parent in (run, run / "vtk") and re.fullmatch(r"flow.xdmf|fields_flow.pvd", path.name)):
+                self.assertEqual(len(self.found[source]), len(files))
+                for moment, file in zip(self.found[source], files):
+                    with h5py.File(file) as fields:
+                        data, = moment["sets"]
+                        self.assertEqual(data["cells"], np.prod(fields["fields"].attrs["cells"]))
+                        self.check_gas(data, {"gas": fields["fields"]})
+                    n_files += 1
+        self.assertGreater(n_files, 1)
 
 
 @unittest.skipUnless(shutil.which("gnuplot"), "gnuplot is not installed")
@@ -268,6 +355,40 @@ class View(unittest.TestCase):
 
 @unittest.skipUnless(shutil.which("povray") and matplotlib_image, "povray or python3-matplotlib is not installed")
 class Render(unittest.TestCase):
+    @unittest.skipUnless(shutil.which("ffmpeg"), "ffmpeg is not installed")
+    def test_movies_have_every_frame(self):
+        for ending in "mp4", "gif":
+            movie = FOLDER / f"run.{ending}"
+            text = program("render", RUN, "--size", "161x121", "--movie", movie, "--rate", "5")
+            self.assertIn(f"run.{ending}: 6 frames, 1.2 s", text)
+            frames = FOLDER / ending
+            frames.mkdir()
+            subprocess.run(["ffmpeg", "-nostdin", "-loglevel", "error", "-i", movie, "-fps_mode", "passthrough", frames / "%d.png"], check=True)
+            pictures = [matplotlib_image.imread(frames / f"{k}.png")[:, :, :3] for k in range(1, 7)]
+            self.assertEqual(len(list(frames.iterdir())), 6)
+            self.assertEqual(pictures[0].shape[:2], (122, 162) if ending == "mp4" else (121, 161))
+            for before, after in zip(pictures, pictures[1:]):
+                self.assertGreater(abs(after - before).mean(), 0.002)
+        self.assertFalse((RUN / "pictures").exists())
+
+    def test_what_a_movie_cannot_be_is_said(self):
+        elsewhere = FOLDER / "path"
+        elsewhere.mkdir()
+        (elsewhere / "povray").symlink_to(shutil.which("povray"))
+        for words, path, message in ((["run.avi"], None, "ends in .mp4, .webm or .gif"), (["run.mp4", "--frame", "2"], None, "a movie has all frames"),
+                                     (["run.mp4", "--rate", "0"], None, "rate 0"), (["run.mp4"], elsewhere, "ffmpeg is not installed")):
+            done = subprocess.run([PROGRAM, "render", RUN, "--movie", *words], capture_output=True, text=True, cwd=FOLDER,
+                                  env=dict(ENVIRONMENT, PATH=str(path)) if path else ENVIRONMENT)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn(message, done.stderr)
+
+    def test_a_preview_is_text(self):
+        text = program("render", RUN, "--preview", "40")
+        lines = text.splitlines()
+        self.assertEqual(len(lines), 15)
+        self.assertEqual({line.count("\u2580") for line in lines}, {40})
+        self.assertGreater(len(set(re.findall(r"38;2;([0-9;]+)m", text))), 20)
+
     def test_povray_draws_grains_in_colours(self):
         picture = FOLDER / "picture.png"
         program("render", RUN, "--size", "320x240", "--out", picture)

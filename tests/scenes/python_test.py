@@ -4,7 +4,10 @@ usage: python_test.py PROJECT PROGRAM      (with the module on PYTHONPATH)
 """
 
 import gc
+import ast
+import inspect
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -417,6 +420,82 @@ class BodyForces(unittest.TestCase):
                 run.step()
 
 
+def lid(**motion):
+    """The box with a plane in it that a script moves."""
+    return [{"name": "box", "box": {"low": [0, 0, 0], "high": [0.1, 0.1, 0.2]}},
+            {"name": "lid", "plane": {"point": [0, 0, 0.19], "normal": [0, 0, -1]}, "motion": [{"type": "script", "max_speed": 0.5, **motion}]}]
+
+
+class WallMotions(unittest.TestCase):
+    def test_a_constant_velocity_is_the_scene_s_translation(self):
+        told, in_scene = lid(), lid()
+        in_scene[1]["motion"] = [{"type": "translate", "velocity": [0, 0, -0.4]}]
+        script, scene = moraine.Simulation(box(wall=told)), moraine.Simulation(box(wall=in_scene))
+        times = []
+
+        def motion(time):
+            times.append(time)
+            return 0, 0, -0.4
+        script.set_wall_motion("lid", motion, every=10)
+        script.step(1000)
+        scene.step(1000)
+        np.testing.assert_allclose(times, (np.arange(100) + 0.5) * 10 * script.time_step, rtol=1e-12)
+        self.assertLess(script.position[:, 2].max(), 0.18)
+        np.testing.assert_allclose(script.gather("position"), scene.gather("position"), atol=1e-9)
+
+    def test_it_gives_the_same_bits_on_any_threads_and_after_a_restart_and_a_restart_needs_it(self):
+        def motion(time):
+            return [0.0, 0.0, 0.3 * np.sin(60 * time)], [0.0, 0.5 * np.cos(20 * time), 0.0]
+        walls = lid(origin=[0.05, 0.05, 0.0])
+        walls[1]["plane"] = {"point": [0, 0, 0], "normal": [0, 0, 1]}  # a floor, that lifts grains
+        scene = box(wall=walls, output={"energy": True})
+        whole = moraine.Simulation(scene, threads=1)
+        whole.set_wall_motion("lid", motion, 8)
+        whole.step(300)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "half.h5"
+            whole.write_checkpoint(file)  # between two calls
+            whole.step(300)
+            with self.assertRaisesRegex(moraine.RunError, 'wall "lid" is to be moved by a script.*after a restart as well'):
+                moraine.Simulation(scene, restart=file).step()
+            done = subprocess.run([PROGRAM, "run", "--restart", file, "scene.toml"], capture_output=True, text=True, env=ENVIRONMENT, cwd=folder)
+            self.assertNotEqual(done.returncode, 0)
+            (Path(folder) / "scene.toml").write_text(scene.text)
+            for command in ["run"], ["run", "--restart", file], ["scale", "--strong"]:
+                done = subprocess.run([PROGRAM, *command, "scene.toml"], capture_output=True, text=True, env=ENVIRONMENT, cwd=folder)
+                self.assertEqual(done.returncode, 2, command)
+                self.assertIn('wall "lid" is moved by a script', done.stderr)
+                self.assertIn("run this scene from Python, also where a run goes on", done.stderr)
+            done = subprocess.run([PROGRAM, "check", "scene.toml"], capture_output=True, text=True, env=ENVIRONMENT, cwd=folder)
+            self.assertIn("lid (by a script: this scene is run from Python)", done.stdout)
+            for threads in 1, 3:
+                again = moraine.Simulation(scene, restart=file, threads=threads)
+                again.set_wall_motion("lid", motion, 8)
+                again.step(300)
+                self.assertEqual(again.state_hash(), whole.state_hash())
+                self.assertEqual(again.energy(), whole.energy())
+        self.assertNotEqual(whole.energy()["wall_work"], 0)
+
+    def test_what_cannot_be_is_said(self):
+        for motion, error, text in ((lambda t: (0, 0, -1.0), moraine.RunError, "more than the max_speed"),
+                                    (lambda t: (0, 0, np.nan), moraine.RunError, "not finite"), (lambda t: (1, 2), ValueError, "three numbers"),
+                                    (lambda t: None, (ValueError, moraine.RunError), ""), (lambda t: 1 / 0, ZeroDivisionError, "")):
+            run = moraine.Simulation(box(wall=lid()))
+            run.set_wall_motion("lid", motion)
+            with self.assertRaisesRegex(error, text):
+                run.step()
+        with self.assertRaisesRegex(moraine.RunError, "none has said how"):
+            moraine.Simulation(box(wall=lid())).step()
+        with self.assertRaisesRegex(ValueError, "there are: lid"):
+            run.set_wall_motion("box", lambda t: (0, 0, 0))
+        with self.assertRaisesRegex(ValueError, "none is"):
+            moraine.Simulation(box()).set_wall_motion("box", lambda t: (0, 0, 0))
+        run = moraine.Simulation(box(wall=lid()))
+        run.set_wall_motion("lid", lambda t: run.state_hash())
+        with self.assertRaisesRegex(RuntimeError, "neither can do anything else"):
+            run.step()
+
+
 RANKS_SCRIPT = """
 {first}
 import sys
@@ -471,6 +550,20 @@ class Ranks(unittest.TestCase):
                 self.assertEqual(moraine.Simulation.from_checkpoint(f"{scene}.h5").state_hash(), text)
             self.assertEqual(len(hashes), 1)
 
+    def test_an_interrupt_of_one_rank_ends_all_after_the_same_whole_step(self):
+        script = ("import os, signal, threading\nimport moraine\nrun = moraine.Simulation(moraine.Scene(" + repr(box().text) + "), threads=1)\n"
+                  "if moraine.rank() == 1: threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT)).start()\n"
+                  "try:\n    run.step(10**9)\nexcept KeyboardInterrupt:\n"
+                  "    text = run.state_hash()\n    print(f'stopped {run.step_number} {text}\\n', end='')\nrun.step(10)\n")
+        with tempfile.TemporaryDirectory() as folder:
+            done = self.launch(2, script, folder=folder)
+        self.assertEqual(done.returncode, 0, done.stderr)
+        (step, text), other = re.findall(r"stopped (\d+) (\w+)", done.stdout)
+        self.assertEqual((step, text), other)
+        alone = moraine.Simulation(box(), threads=1)
+        alone.step(int(step))
+        self.assertEqual(alone.state_hash(), text)
+
     def test_an_error_on_one_rank_ends_them_all(self):
         with tempfile.TemporaryDirectory() as folder:
             done = self.launch(2, "import moraine\nif moraine.rank() == 1: raise ValueError('only here')\n"
@@ -479,7 +572,33 @@ class Ranks(unittest.TestCase):
             self.assertIn("only here", done.stderr)
 
 
+def parameters_of(function):
+    """Their names; of what C++ defines, from the signature that pybind11 writes into its docstring."""
+    try:
+        return [name for name in inspect.signature(function).parameters]
+    except ValueError:
+        inside = re.match(r"\w+\((.*?)\) ->", function.__doc__).group(1)
+        return re.findall(r"(?:^|, )\*{0,2}(\w+)(?=: )", inside)
+
+
 class House(unittest.TestCase):
+    def test_the_stubs_name_nothing_that_is_not_there_and_every_parameter_as_it_is(self):
+        stub = ast.parse((Path(moraine.__file__).parent / "__init__.pyi").read_text())
+        n_looked_at = 0
+        for scope, nodes in [(moraine, stub.body)] + [(getattr(moraine, c.name, moraine._Edit), c.body) for c in stub.body if isinstance(c, ast.ClassDef)]:
+            for node in nodes:
+                if isinstance(node, ast.AnnAssign) and scope is moraine.Simulation:
+                    self.assertTrue(hasattr(scope, node.target.id), node.target.id)
+                if not isinstance(node, ast.FunctionDef) or scope is moraine._Edit:
+                    continue
+                wanted = [a.arg for a in node.args.args + node.args.kwonlyargs] + ([node.args.kwarg.arg] if node.args.kwarg else [])
+                found = parameters_of(getattr(scope, node.name))
+                if wanted[:1] == ["cls"]:
+                    wanted = wanted[1:]
+                self.assertEqual(found, wanted, f"{scope.__name__}.{node.name}")
+                n_looked_at += 1
+        self.assertGreater(n_looked_at, 20)
+
     def test_the_stubs_name_everything_that_is_there(self):
         stub = (Path(moraine.__file__).parent / "__init__.pyi").read_text()
         for name in dir(moraine.Simulation) + dir(moraine.Scene) + moraine.__all__:

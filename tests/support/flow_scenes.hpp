@@ -477,6 +477,20 @@ inline Scene drum() {
   return s;
 }
 
+/// The drum with a lid and a blade that a program moves: see trace::drive().
+inline Scene driven() {
+  Scene s = drum();
+  for (WallDefinition& wall : s.walls)
+    if (wall.name == "lid" || wall.name == "blade") {
+      WallMotion script;
+      script.kind = WallMotion::Kind::script;
+      script.max_speed = wall.name == "lid" ? 0.5 : 3.0;
+      if (wall.name == "blade") script.origin = {0.003, 0.0, 0.02};
+      wall.motion = {script};
+    }
+  return s;
+}
+
 /// A hopper with a blade that turns, fed by inlets of every kind and drained by outlets of every kind; what falls out comes back.
 inline Scene refilled_hopper() {
   Scene s = basic();
