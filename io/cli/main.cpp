@@ -4,6 +4,7 @@
 // scene, the command line or a file to be read is wrong, and nothing was done; 130 (SIGINT), 143 (SIGTERM), 129
 // (SIGHUP) the run was ended by that signal and has written a checkpoint. Under a launcher every rank comes by here;
 // what is said is the root's.
+#include <sys/prctl.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -453,6 +454,7 @@ int carry_out(const Command& command, bool is_run, const World& world) {
 /// use too takes away the very core that is waited for: steps then cost a hundred times more. The OpenMP runtime reads its
 /// settings when it is loaded, so the program starts itself anew with a short spin; whoever has chosen is left alone.
 void spin_briefly(char** argv) {
+  prctl(PR_SET_NAME, "moraine");  // started anew it would be listed as "exe"
   if (std::getenv("GOMP_SPINCOUNT") || std::getenv("OMP_WAIT_POLICY")) return;
   setenv("GOMP_SPINCOUNT", "10000", 1);
   take_back_cpus();               // the runtime may have bound this thread to one of them

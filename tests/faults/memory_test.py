@@ -78,7 +78,7 @@ def is_flat(n_steps, layout):
     first, last = max(samples[n // 5:n // 2]), max(samples[-n // 4:-2])
     print(f"{layout}, {n_steps} steps: {first / 1e6:.2f} MB at most in the first half, {last / 1e6:.2f} MB in the last quarter;",
           passed.group(0).strip() if passed else "no grains came and went", flush=True)
-    return bool(passed) and last - first <= MAY_GROW
+    return bool(passed) and 0 < first and last - first <= MAY_GROW
 
 
 def stays_flat(words):
