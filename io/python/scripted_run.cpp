@@ -116,7 +116,12 @@ const World& world_of_script() {
 }
 
 void close_all_runs() {
-  for (ScriptedRun* run : all_runs()) run->close();
+  while (!all_runs().empty()) {
+    ScriptedRun* const run = *all_runs().begin();
+    const py::object kept = py::cast(run);  // what it lets go of may hold the last reference to it, or to another run
+    all_runs().erase(run);
+    run->close();
+  }
   joined_world() = World();
 }
 
