@@ -94,9 +94,10 @@ inline void advance(Simulation& run, std::int64_t n_steps) {
 }
 
 /// Advances a run; in the middle of the way a second one goes on from its checkpoint, on more threads, and for as many of the steps left as
-/// `n_beside` it must be the same to the bit.
+/// `n_beside` (0: there is none) it must be the same to the bit.
 inline void advance_past_restart(Simulation& run, const Scene& scene, std::int64_t n_steps,
                                  std::int64_t n_beside = 300) {
+  if (n_beside == 0) return advance(run, n_steps);
   advance(run, n_steps / 2);
   Simulation restored(scene, 2, run.checkpoint());
   const std::int64_t left = n_steps - n_steps / 2, beside = std::min(left, n_beside);

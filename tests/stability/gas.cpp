@@ -177,7 +177,7 @@ struct DensestBed {
 
   static Scene scene(double superficial) {
     const double width = n_across * cell;
-    Scene s = empty_scene({0, 0, 0}, {width, width, (n_bed + n_above) * cell}, 2500.0, 1e4, 0.5, 0.5);
+    Scene s = empty_scene({0, 0, 0}, {width, width, (n_bed + n_above) * cell}, 2500.0, 2e3, 0.5, 0.5);
     s.domain.periodic = {true, true, false};
     s.time.gravity = {0, 0, -gravity};
     add_grains(s, diameter, cubic_layers(cell, n_across, 2 * n_bed, 0.5 * diameter));
@@ -214,7 +214,7 @@ TEST_CASE(
   for (const double superficial : {0.1, 1.0}) {
     const Scene scene = DensestBed::scene(superficial);
     Simulation run(scene, 1);
-    advance_past_restart(run, scene, static_cast<std::int64_t>(0.02 / run.time_step()), 200);
+    advance_past_restart(run, scene, static_cast<std::int64_t>(0.01 / run.time_step()), 200);
     const std::vector<double> row = run.probe_row(0);
     const auto at = [&](std::size_t point) { return row[point]; };
     const double inside = (at(1) - at(0)) / ((DensestBed::n_bed - 3) * DensestBed::cell);
