@@ -45,6 +45,8 @@ struct Coupling::Parts {
   void share(CouplingReport& report);
   void feel(Particles& particles, CouplingReport& report);
   std::array<double, 3> gas_loss();
+  /// [kg/m3] of what the motion of grains carries along: they feel its inertia in the pressure gradient.
+  double carried_density() const { return gas.model == GasModel::a && gas.moves_gas ? gas.density : 0.0; }
   /// Calls f(line of the block, j, k) for all lines along x of this rank's block, on all threads.
   template <typename Function>
   void each_line(Function f) const;
@@ -226,7 +228,7 @@ void Coupling::Parts::send_slip() {
 
 void Coupling::Parts::set_coefficients(double step, CouplingReport& report) {
   const ExchangeExtent own = grains.set_coefficients(*gas.drag, gas.model, {gas.density, gas.viscosity},
-                                                     exchange.window(), window_cells.data());
+                                                     carried_density(), exchange.window(), window_cells.data());
   std::array<double, 3> all = {own.coefficient, own.momentum, own.rate};
   world.max(all);
   largest = {all[0], all[1], all[2]};
@@ -258,7 +260,7 @@ void Coupling::Parts::load_exchange() {
   });
 }
 
-/// New gas velocity and pressure gradient, to all grains.
+/// New gas velocity and pressure gradient, with the void fraction, to all grains.
 void Coupling::Parts::send_feel() {
   const std::int64_t nx = block.size(0), n_cells = block.is_empty() ? 0 : block.n_cells();
   each_line([&](std::int64_t line, int j, int k) {
@@ -273,8 +275,9 @@ void Coupling::Parts::send_feel() {
   });
   if (smoothing) smoothing->apply(fields(0, 6));
   std::vector<double> fastest(static_cast<std::size_t>(block.is_empty() ? 0 : block.size(1) * block.size(2)), 0.0);
-  each_line([&](std::int64_t line, int, int) {
-    for (std::int64_t c = line * nx; c < (line + 1) * nx; ++c) {
+  each_line([&](std::int64_t line, int j, int k) {
+    for (std::int64_t i = 0; i < nx; ++i) {
+      const std::int64_t c = line * nx + i;
       double* const cell = block_cells.data() + 8 * c;
       for (int axis = 0; axis < 3; ++axis) {
         cell[axis] = block_fields.data()[axis * n_cells + c];
@@ -282,7 +285,8 @@ void Coupling::Parts::send_feel() {
         fastest[static_cast<std::size_t>(line)] =
             std::max(fastest[static_cast<std::size_t>(line)], std::abs(cell[axis]));
       }
-      cell[3] = cell[7] = 0.0;
+      cell[3] = load.void_fraction(static_cast<int>(i), j, k);
+      cell[7] = 0.0;
     }
   });
   fastest_gas = 0.0;
@@ -313,6 +317,7 @@ void Coupling::Parts::feel(Particles& particles, CouplingReport& report) {
   how.buoyancy = -gas.density * gravity;
   how.has_gradient = gas.model == GasModel::a;
   how.is_flat = grid.is_flat;
+  how.fluid_density = carried_density();
   how.sum_scale = scale_for(1.000001 * (largest.coefficient * fastest_gas + largest.momentum), n_grains);
   const ForceSums own = grains.feel(exchange.window(), window_cells.data(), how, particles.gas_acceleration());
 

@@ -16,9 +16,10 @@ struct CouplingReport {
   std::uint64_t n_floored = 0;       // cells that were taken as less dense than they are
   double least_void_fraction = 1.0;  // [-] before the floor
   double momentum_error = 0.0;       // |what the gas lost - what the grains got| over the sum of what each grain got
-  double fastest_exchange =
-      0.0;  // [-] largest of gas step times drag rate of a grain: above 1 the gas step is too long for it
+  double fastest_exchange = 0.0;     // [-] largest of gas step times drag rate of a grain, among its neighbours
 };
+/// Of `fastest_exchange`: with more, what the gas does to grains may swing ever further (README.md, "Long gas steps").
+inline constexpr double longest_push = 1.5;
 
 class Coupling {
  public:

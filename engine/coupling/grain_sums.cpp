@@ -85,8 +85,22 @@ const std::int64_t* GrainSums::exchanges(const CellWindow& window, double scale,
   });
 }
 
+namespace {
+
+/// [1/s] of which a gas step may be `longest_push` at most: coupling/README.md, "Long gas steps".
+double rate_of(GasModel model, double coefficient, double void_fraction, double radius, double inverse_mass,
+               double carried_density) {
+  constexpr double four_thirds_pi = 4.188790204786390985;
+  const double volume = four_thirds_pi * radius * radius * radius;
+  const double carried = carried_mass(carried_density, void_fraction, volume, inverse_mass);
+  const double of_grain = coefficient * inverse_mass / (model == GasModel::a ? void_fraction : 1.0);
+  return of_grain * std::max(1.0, (1.0 - void_fraction) / void_fraction) / std::max(1.0, carried / 6.0);
+}
+
+}  // namespace
+
 ExchangeExtent GrainSums::set_coefficients(DragLaw law, GasModel model, const GasProperties& gas,
-                                           const CellWindow& window, const double* cells) {
+                                           double carried_density, const CellWindow& window, const double* cells) {
   std::vector<ExchangeExtent> extents(shares_.size());
   parallel(n_threads_, [&](int thread) {
     const Range range = shares_[static_cast<std::size_t>(thread)].range;
@@ -100,7 +114,8 @@ ExchangeExtent GrainSums::set_coefficients(DragLaw law, GasModel model, const Ga
       for (std::int64_t t = 0; t < part.size(); ++t) {
         largest.coefficient = std::max(largest.coefficient, coefficient[t]);
         largest.momentum = std::max(largest.momentum, coefficient[t] * tile.speed[t]);
-        largest.rate = std::max(largest.rate, coefficient[t] * tile.inverse_mass[t]);
+        largest.rate = std::max(largest.rate, rate_of(model, coefficient[t], tile.void_fraction[t], tile.radius[t],
+                                                      tile.inverse_mass[t], carried_density));
       }
     }
     extents[static_cast<std::size_t>(thread)] = largest;

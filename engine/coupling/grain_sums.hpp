@@ -16,7 +16,7 @@ namespace moraine {
 struct ExchangeExtent {
   double coefficient = 0.0;  // [kg/s]
   double momentum = 0.0;     // [N] coefficient times the largest component of the velocity
-  double rate = 0.0;         // [1/s] coefficient over mass
+  double rate = 0.0;  // [1/s] at which a grain, and the others with it, come to rest against the gas between them
 };
 
 class GrainSums {
@@ -35,8 +35,9 @@ class GrainSums {
   const std::int64_t* exchanges(const CellWindow& window, double scale, double momentum_scale);
 
   /// Drag coefficients [kg/s] for cells of void fraction and gas velocity, four values each; they stay until the next call.
-  ExchangeExtent set_coefficients(DragLaw law, GasModel model, const GasProperties& gas, const CellWindow& window,
-                                  const double* cells);
+  /// `carried_density`: as Feel::fluid_density.
+  ExchangeExtent set_coefficients(DragLaw law, GasModel model, const GasProperties& gas, double carried_density,
+                                  const CellWindow& window, const double* cells);
   /// Sets accelerations from cells of gas velocity and pressure gradient, eight values each.
   ForceSums feel(const CellWindow& window, const double* cells, const Feel& how, double* acceleration);
 

@@ -113,7 +113,6 @@ struct GasFlow::Parts {
   void account(const Part& part, const GasLoad& load);
   void add_momentum(double weight, bool is_everywhere, std::array<ExactSum, 3>& sums) const;
   double courant_rate(double time) const;
-  double viscous_rate() const;
   int n_parts_for(double fastest, double left, double step) const;
   void exchange_velocity();
   MomentumView view() const;
@@ -519,27 +518,29 @@ double GasFlow::Parts::courant_rate(double time) const {
   return most;
 }
 
-/// [1/s] bound of the fastest viscous decay.
-double GasFlow::Parts::viscous_rate() const {
-  double sum = 0.0, most = 0.0;
-  for (std::size_t a = 0; a < static_cast<std::size_t>(n_axes); ++a) {
-    const double square = inverse_spacing[a] * inverse_spacing[a];
-    sum += square;
-    most = std::max(most, square);
-  }
-  return 4.0 * gas.viscosity / gas.density * (sum + most);
-}
-
 int GasFlow::Parts::n_parts_for(double fastest, double left, double step) const {
-  const double n = std::max({1.0, fastest * left / most_courant, viscous_rate() * left / most_viscous});
-  if (!(n < 1e4)) {
+  const double viscous = viscous_parts(gas, grid, left);
+  const double n = std::max({1.0, fastest * left / most_courant, viscous});
+  if (!(n < most_gas_parts)) {
     std::ostringstream message;
-    message << "the gas is too fast or too viscous for its cells: a gas step of " << step
-            << " s would have to be divided into " << n
-            << " parts; choose a smaller gas.step or larger cells, or a ramp for gas that enters";
+    message << "the gas is too " << (viscous == n ? "viscous" : "fast") << " for its cells: a gas step of " << step
+            << " s would have to be divided into " << n << " parts; choose "
+            << (viscous == n ? "larger cells, or a smaller gas.step and patience"
+                             : "a smaller gas.step or larger cells, or a ramp for gas that enters");
     throw GasError(message.str());
   }
   return static_cast<int>(std::ceil(n));
+}
+
+/// From a bound of the fastest decay by friction.
+double viscous_parts(const Gas& gas, const GasGrid& grid, double step) {
+  double sum = 0.0, most = 0.0;
+  for (int a = 0; a < (grid.is_flat ? 2 : 3); ++a) {
+    const double square = 1.0 / (grid.spacing[a] * grid.spacing[a]);
+    sum += square;
+    most = std::max(most, square);
+  }
+  return 4.0 * gas.viscosity / gas.density * (sum + most) * step / most_viscous;
 }
 
 GasFlow::GasFlow(const Gas& gas, Vec3, const GasGrid& grid, const GasRanks& ranks)

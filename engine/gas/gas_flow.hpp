@@ -34,6 +34,11 @@ struct GasReport {
   double courant = 0.0;    // [-] largest of a part
 };
 
+/// A gas step is divided into fewer parts than that, or the run ends with a message.
+inline constexpr double most_gas_parts = 1e4;
+/// Parts into which the friction of the gas makes a gas step [s] be divided, however slow the gas is.
+double viscous_parts(const Gas& gas, const GasGrid& grid, double step);
+
 class GasFlow {
  public:
   /// At rest at `gas.velocity`, without grains. Throws SceneError where the boundaries cannot be (no outlet, and inflow

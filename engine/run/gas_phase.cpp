@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cstring>
 
 #include "engine/particles/parcel.hpp"
@@ -32,6 +33,7 @@ GasPhase::GasPhase(const Scene& scene, const Plan& plan, const World& world, int
     : world_(world),
       step_(static_cast<double>(plan.gas_steps) * plan.time_step.step),
       grain_steps_(plan.gas_steps),
+      weights_(scene.gas->weights),
       coupling_(scene, gas_grid(scene.domain, *scene.gas), world, n_threads),
       means_(scene, coupling_.share().block(world.rank())) {}
 
@@ -78,6 +80,7 @@ void GasPhase::advance(Particles& particles, double time) {
   totals_.n_floored += report.n_floored;
   totals_.least_void_fraction = std::min(totals_.least_void_fraction, report.least_void_fraction);
   totals_.momentum_error = std::max(totals_.momentum_error, report.momentum_error);
+  look_at_void_fraction(report.least_void_fraction, time);
   // Solved to gas.tolerance, a cell loses or gains a millionth of its gas; where it is much more the solver has given up.
   constexpr double most_imbalance = 0.01;
   if (!(report.gas.imbalance <= most_imbalance))
@@ -85,14 +88,24 @@ void GasPhase::advance(Particles& particles, double time) {
         "at {:.6g} s: the gas does not balance: a cell has gained or lost {:.2g} of its gas in one gas step, "
         "for the pressure equation could not be solved; set gas.step to {:.2g} s or less",
         time, report.gas.imbalance, 0.5 * step_));
-  // The drag on a grain stays as it is for a gas step; twice the relaxation time and it swings ever further.
-  constexpr double unstable = 2.0;
-  if (report.fastest_exchange > unstable)
-    throw RunError(
-        fmt::format("at {:.6g} s: the gas step of {:.4g} s is {:.1f} times as long as the gas takes to drag a grain "
-                    "along; set gas.step to "
-                    "{:.2g} s or less",
-                    time, step_, report.fastest_exchange, 0.5 * step_ / report.fastest_exchange));
+  if (report.fastest_exchange > longest_push)
+    throw RunError(fmt::format(
+        "at {:.6g} s: the gas step of {:.4g} s is {:.1f} times as long as the gas takes to drag a grain along, and the "
+        "drag would swing ever further; set gas.step to {:.2g} s or less",
+        time, step_, report.fastest_exchange, 0.5 * step_ / report.fastest_exchange));
+}
+
+/// A floor is for cells that grains squeeze by. More grains than there is room for are none: cells too small for the weights.
+void GasPhase::look_at_void_fraction(double least, double time) const {
+  if (least >= 0.0) return;
+  constexpr std::array names = {"cell", "trilinear", "smoothed"};
+  const Vec3 spacing = coupling_.grid().spacing;
+  throw RunError(
+      fmt::format("at {:.6g} s: grains take up {:.3g} times the volume of a gas cell ({:.3g} x {:.3g} x {:.3g} m), for "
+                  "the cells are too small for gas.weights = \"{}\"; use {}, or larger cells",
+                  time, 1.0 - least, spacing.x, spacing.y, spacing.z, names[static_cast<std::size_t>(weights_)],
+                  weights_ == GasWeights::smoothed ? "a longer gas.smoothing"
+                                                   : "\"smoothed\" with a smoothing of about a diameter"));
 }
 
 std::vector<GasPhase::Quantity> GasPhase::kept() {

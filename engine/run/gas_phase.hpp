@@ -59,12 +59,14 @@ class GasPhase {
   /// As it is now, means of the two faces; that of GasFlow is a mean over the parts of the last gas step, and not kept.
   void find_cell_velocity();
   void restore_means(const Image& image);
+  void look_at_void_fraction(double least, double time) const;
   void gather(const std::string& name, const std::string& unit, int face_axis, const GridField<>* field,
               Image& image) const;
 
   World world_;
   double step_ = 0.0;  // [s] of the gas
   std::uint64_t grain_steps_ = 1;
+  GasWeights weights_ = GasWeights::trilinear;
   Coupling coupling_;
   GasMeans means_;
   std::array<GridField<>, 3> cell_velocity_;  // [m/s] for those who look

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "engine/contacts/law_table.hpp"
+#include "engine/gas/gas_flow.hpp"
 #include "engine/particles/fill.hpp"
 #include "engine/particles/sizes.hpp"
 #include "engine/run/coarse_fields.hpp"
@@ -336,9 +337,39 @@ double choose_gas_step(const Scene& scene) {
     if (gas.drag && sizes.largest > 0.0 && gas.viscosity > 0.0)
       step = std::min(step, 0.1 * material.density * sizes.smallest * sizes.smallest / (180.0 * gas.viscosity));
   }
+  if (gas.drag && mean_diameter(scene) > 0.0) {
+    // Void fractions follow the grains from gas step to gas step: as fast as they may get, half a cell
+    const double speed = expected_speed(scene);
+    for (int axis = 0; axis < (scene.domain.dimensions == 2 ? 2 : 3); ++axis)
+      step = std::min(step, 0.5 * size[axis] / gas.cells[static_cast<std::size_t>(axis)] / speed);
+  }
   if (step < infinity) return step;
   return 1e-3 * std::max(scene.time.end, 0.0);
 }
+
+namespace {
+
+/// Friction divides gas steps into parts that explicit steps of it can bear: thin gas in small cells does not come far.
+void look_at_viscosity(const Scene& scene, Plan& plan) {
+  constexpr double many = 200.0;
+  const double step = static_cast<double>(plan.gas_steps) * plan.time_step.step;
+  const double parts = viscous_parts(*scene.gas, gas_grid(scene.domain, *scene.gas), step);
+  const std::string text = fmt::format(
+      "is {:g} Pa s, {:.3g} m2/s over the density: so viscous for its cells that the gas step of {:.4g} s has to be "
+      "divided into {:.3g} parts",
+      scene.gas->viscosity, scene.gas->viscosity / scene.gas->density, step, std::ceil(parts));
+  if (!(parts < most_gas_parts))
+    throw SceneError({{"gas.viscosity",
+                       text + fmt::format("; at most {:g} are possible: use larger cells, or a gas.step of at most "
+                                          "{:.2g} s (the work stays the same)",
+                                          most_gas_parts, 0.5 * most_gas_parts / parts * step),
+                       false}});
+  if (parts > many)
+    plan.warnings.push_back("gas.viscosity " + text +
+                            ", which takes time; larger cells need fewer, as the square of their width");
+}
+
+}  // namespace
 
 Plan make_plan(const Scene& scene, int n_threads) {
   Plan plan;
@@ -353,6 +384,7 @@ Plan make_plan(const Scene& scene, int n_threads) {
   if (scene.gas)
     plan.gas_steps = static_cast<std::uint64_t>(
         std::clamp(std::floor(choose_gas_step(scene) / plan.time_step.step * (1.0 + 1e-9)), 1.0, most_steps));
+  if (scene.gas) look_at_viscosity(scene, plan);
   plan.n_grains = static_cast<std::uint64_t>(count_grains(scene));
   plan.skin = scene.run.skin > 0.0 ? scene.run.skin : 0.1 * mean_diameter(scene);
   plan.memory = bytes_of_program + static_cast<double>(plan.n_grains) * bytes_per_grain(scene) +

@@ -197,9 +197,17 @@ void feel(const GrainView& grains, const CellWeights& weights, const CellWindow&
     interpolate<8>(Stencil(weights, window, record), cells, gas);
     const double c = coefficient[i], v = volume(record[3]), inverse_mass = record[7];
     const double drag[3] = {c * (gas[0] - record[4]), c * (gas[1] - record[5]), c * (gas[2] - record[6]) * of_z};
-    a[0] = (drag[0] + v * (how.buoyancy.x - of_gradient * gas[4])) * inverse_mass;
-    a[1] = (drag[1] + v * (how.buoyancy.y - of_gradient * gas[5])) * inverse_mass;
-    a[2] = (drag[2] + v * (how.buoyancy.z - of_gradient * gas[6])) * inverse_mass * of_z;
+    const double now[3] = {(drag[0] + v * (how.buoyancy.x - of_gradient * gas[4])) * inverse_mass,
+                           (drag[1] + v * (how.buoyancy.y - of_gradient * gas[5])) * inverse_mass,
+                           (drag[2] + v * (how.buoyancy.z - of_gradient * gas[6])) * inverse_mass * of_z};
+    const double share =
+        how.fluid_density > 0.0 ? share_at_once(carried_mass(how.fluid_density, gas[3], v, inverse_mass)) : 1.0;
+    if (share < 1.0 && a[0] == 0.0 && a[1] == 0.0 && a[2] == 0.0) {  // born since: it has been in the fluid at rest
+      a[0] = v * how.buoyancy.x * inverse_mass;
+      a[1] = v * how.buoyancy.y * inverse_mass;
+      a[2] = v * how.buoyancy.z * inverse_mass * of_z;
+    }
+    for (int axis = 0; axis < 3; ++axis) a[axis] = share < 1.0 ? a[axis] + share * (now[axis] - a[axis]) : now[axis];
     const double largest = std::max({std::abs(drag[0]), std::abs(drag[1]), std::abs(drag[2])});
     sums.drag[0] += to_integer(drag[0] * how.sum_scale);
     sums.drag[1] += to_integer(drag[1] * how.sum_scale);

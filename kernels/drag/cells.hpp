@@ -85,18 +85,30 @@ void deposit_exchange(const GrainView& grains, const CellWeights& weights, const
                       const double* coefficient, double scale, double momentum_scale, bool is_flat,
                       std::int64_t* cells);
 
-/// What grains feel in a gas step. Cells have eight values each: gas velocity, 0, pressure gradient, 0.
+/// Mass of the gas that a grain's motion carries along, over its own: rho_g (1 - eps)/(rho_p eps). engine/coupling/README.md, "Dense fluids".
+inline double carried_mass(double fluid_density, double void_fraction, double volume, double inverse_mass) {
+  return fluid_density * volume * inverse_mass * (1.0 - void_fraction) / void_fraction;
+}
+/// Share of a push that a grain gets at once; the rest of it follows over the next gas steps. 1 in all gases.
+inline double share_at_once(double carried_mass) {
+  constexpr double harmless = 0.1;
+  return carried_mass > harmless ? (1.0 + harmless) / (1.0 + carried_mass) : 1.0;
+}
+
+/// What grains feel in a gas step. Cells have eight values each: gas velocity, void fraction, pressure gradient, 0.
 struct Feel {
-  Vec3 buoyancy;             // [N/m3] force per volume of grain: -rho_g g
-  bool has_gradient = true;  // model A: -V grad p too
-  bool is_flat = false;      // nothing along z
-  double sum_scale = 0.0;    // of the sums of forces below
+  Vec3 buoyancy;               // [N/m3] force per volume of grain: -rho_g g
+  bool has_gradient = true;    // model A: -V grad p too
+  bool is_flat = false;        // nothing along z
+  double sum_scale = 0.0;      // of the sums of forces below
+  double fluid_density = 0.0;  // [kg/m3] of a fluid that grains carry along; 0: pushes are given at once
 };
 /// Sums over grains of c (u - v) by component and of its largest component, times sum_scale.
 struct ForceSums {
   std::array<std::int64_t, 4> drag{};
 };
-/// Sets the acceleration of each grain by drag, pressure gradient and buoyancy [m/s2], three doubles.
+/// Sets the acceleration of each grain by drag, pressure gradient and buoyancy [m/s2], three doubles, which hold that of the gas step
+/// before.
 void feel(const GrainView& grains, const CellWeights& weights, const CellWindow& window, const double* cells,
           const double* coefficient, const Feel& how, double* acceleration, ForceSums& sums);
 

@@ -86,6 +86,9 @@ const std::vector<Broken> table = {
      "32: key \"gas.density\": is -1.2; expected a number greater than 0 [kg/m3]"},
     {"negative viscosity", "viscosity = 1.8e-5", "viscosity = -1",
      "33: key \"gas.viscosity\": is -1; expected 0 or more [Pa s]"},
+    {"drag without viscosity", "viscosity = 1.8e-5", "viscosity = 0",
+     "33: key \"gas.viscosity\": is 0; expected more than 0 [Pa s]: drag laws go by Reynolds' number, and without "
+     "viscosity there is none"},
     {"viscosity by its letter", "viscosity = 1.8e-5", "viscosity = 1.8e-5\nmu = 1",
      "34: key \"gas.mu\" = 1: unknown key; did you mean \"viscosity\"?"},
     {"no drag law", "drag = \"gidaspow\"", "",

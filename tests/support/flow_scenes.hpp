@@ -391,7 +391,28 @@ inline Scene conveyed() {
   return s;
 }
 
-/// The same bed in cells smaller than its grains, enough of them for two ranks to share them.
+/// Grains half as heavy as the water around them, which rise to the lid of a closed box and hang on to their push from step to step.
+inline Scene in_water() {
+  Scene s = basic();
+  for (Material& material : s.materials) material.density *= 0.2;
+  s.domain.high = {0.12, 0.04, 0.16};
+  s.domain.periodic = {true, false, false};
+  s.time.gravity = {0.0, 0.0, -9.81};
+  s.particles = {lattice({{0, 0, 0.02}, {0.12, 0.04, 0.12}}, 1.05 * d)};
+  s.particles[0].velocity_deviation = 0.1;
+  add_wall(s, "floor", PlaneShape{{0, 0, 0}, {0, 0, 1}}, "steel");
+  add_wall(s, "lid", PlaneShape{{0, 0, 0.16}, {0, 0, -1}}, "steel");
+  add_wall(s, "front", PlaneShape{{0, 0, 0}, {0, 1, 0}}, "steel");
+  add_wall(s, "back", PlaneShape{{0, 0.04, 0}, {0, -1, 0}}, "steel");
+  s.gas = air({6, 2, 8});
+  s.gas->density = 1000.0;
+  s.gas->viscosity = 1e-3;
+  s.gas->drag = DragLaw::di_felice;
+  add_probe(s, Probe::Kind::pressure_drop, "pressure_drop");
+  return s;
+}
+
+/// The fluidised bed in cells smaller than its grains, enough of them for two ranks to share them.
 inline Scene finely_resolved() {
   Scene s = fluidised_bed();
   s.gas->cells = {24, 12, 60};
@@ -651,6 +672,7 @@ inline std::vector<Named> all() {
           {"fluidised bed", fluidised_bed(), 2500},
           {"finely resolved", finely_resolved(), 500},
           {"conveyed", conveyed(), 2500},
+          {"in water", in_water(), 1500},
           {"flat jet", flat_jet(), 3000},
           {"cannons", cannons(), 750},
           {"polydisperse, mixed precision", in_mixed_precision(polydisperse()), 1500},

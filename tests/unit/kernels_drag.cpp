@@ -279,6 +279,40 @@ TEST_CASE("acceleration is drag, pressure gradient and buoyancy over the mass") 
     }
 }
 
+TEST_CASE(
+    "in a dense fluid a grain gets its share of a push at once and the rest later; none is lost, and a first one "
+    "begins at rest") {
+  const Cloud cloud({3, 1, 1}, {false, false, false});
+  const double eps = 0.4, density = 5000.0;
+  const std::vector<double> cell = {1.0, 2.0, 3.0, eps, 10.0, 20.0, 30.0, 0.0};
+  std::vector<double> values;
+  for (int c = 0; c < 3; ++c) values.insert(values.end(), cell.begin(), cell.end());
+  const std::vector<double> coefficients(Cloud::n_grains, 0.01);
+  const auto pushes = [&](double fluid_density, std::vector<double> before) {
+    const Feel how{{0.5, 0.6, 0.7}, true, false, 1.0, fluid_density};
+    ForceSums forces;
+    feel(cloud.view(), cloud.weights(GasWeights::trilinear), cloud.window(), values.data(), coefficients.data(), how,
+         before.data(), forces);
+    return before;
+  };
+  const std::vector<double> none(3 * Cloud::n_grains, 0.0), whole = pushes(0.0, none);
+  std::vector<double> before(3 * Cloud::n_grains, -2.0);
+  for (int i = 0; i < Cloud::n_grains; ++i) {
+    if (!Cloud::is_here(i)) continue;
+    const double inverse_mass = cloud.view().record(i)[7];
+    const double carried = density * cloud.volume(i) * inverse_mass * (1.0 - eps) / eps;
+    const double share = carried > 0.1 ? 1.1 / (1.0 + carried) : 1.0;
+    for (int a = 0; a < 3; ++a) {
+      const auto k = static_cast<std::size_t>(3 * i + a);
+      const double buoyancy = cloud.volume(i) * Vec3{0.5, 0.6, 0.7}[a] * inverse_mass;
+      CHECK(pushes(density, before)[k] == Approx(-2.0 + share * (whole[k] + 2.0)));
+      CHECK(pushes(density, none)[k] == Approx(share < 1.0 ? buoyancy + share * (whole[k] - buoyancy) : whole[k]));
+    }
+  }
+  for (int n = 0; n < 2000; ++n) before = pushes(density, before);
+  for (std::size_t k = 0; k < before.size(); ++k) CHECK(before[k] == Approx(whole[k]).epsilon(1e-6).margin(1e-9));
+}
+
 TEST_CASE("smoothing keeps sums, is symmetric, and spreads by the length asked for") {
   for (const bool is_periodic : {false, true})
     for (const int n : {1, 2, 3, 61}) {

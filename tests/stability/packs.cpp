@@ -1,0 +1,211 @@
+// Packs at the edge: tall columns at rest for long, shear to and fro, jammed and squeezed.
+#include "tests/stability/cases.hpp"
+
+using namespace moraine;
+using namespace moraine::cases;
+
+namespace {
+
+constexpr double gravity = 9.81;
+
+/// Grains on top of each other, each sunk into the one below by the weight that it bears.
+Scene column(int n, double stiffness) {
+  const double d = 0.01, weight = 2500.0 * sphere_volume(d) * gravity;
+  Scene s = empty_scene({-0.1, -0.1, 0}, {0.1, 0.1, 1.01 * n * d}, 2500.0, stiffness, 0.5, 0.3);
+  s.time.gravity = {0, 0, -gravity};
+  s.time.steps_per_contact = 20.0;
+  std::vector<GrainSeed> grains(static_cast<std::size_t>(n));
+  double z = -0.5 * d;
+  for (int i = 0; i < n; ++i) {
+    z += d - weight * (n - i) / stiffness;
+    grains[static_cast<std::size_t>(i)].position = {0, 0, z};
+  }
+  add_grains(s, d, grains);
+  add_plane(s, "floor", {0, 0, 0}, {0, 0, 1});
+  return s;
+}
+
+/// A column in equilibrium stays there for so many times the length of a contact.
+void check_column(int n, double contacts) {
+  const Scene s = column(n, 1e6);
+  Simulation run(s, 1);
+  const Image before = run.snapshot({"position"});
+  double fastest = 0.0;
+  for (int part = 0; part < 10; ++part) {
+    advance_past_restart(run, s, static_cast<std::int64_t>(0.1 * contacts * s.time.steps_per_contact),
+                         part == 5 ? 1000 : 0);
+    fastest = std::max(fastest, largest_speed(run));
+  }
+  const Image after = run.snapshot({"position"});
+  double creep = 0.0;
+  for (std::size_t i = 0; i < before.n_grains; ++i)
+    creep = std::max(creep, length(vector_of(after, Field::position, i) - vector_of(before, Field::position, i)));
+  report("column of %d, %.0f contact times: creep %.1e m, fastest %.1e m/s", n, contacts, creep, fastest);
+  CHECK(creep < 1e-13 * n);    // round-off of heights of n diameters
+  CHECK(fastest < 1e-12 * n);  // as of the weights
+}
+
+/// Grains at random that settle under gravity on a floor that swings along itself.
+Scene shaken_pack(double amplitude, double frequency) {
+  const double d = 0.01;
+  Scene s = empty_scene({0, 0, 0}, {4 * d, 4 * d, 10 * d}, 2500.0, 1e4, 0.5, 0.5);
+  s.domain.periodic = {true, true, false};
+  s.time.gravity = {0, 0, -gravity};
+  s.time.steps_per_contact = 25.0;
+  s.output.energy = true;
+  ParticleGroup group;
+  group.material = "grain";
+  group.diameter.kind = SizeDistribution::Kind::uniform;
+  group.diameter.low = 0.8 * d;
+  group.diameter.high = d;
+  group.fill = RandomFill{BoxRegion{{{0, 0, 0}, {4 * d, 4 * d, 9 * d}}}, {}, 115};
+  s.particles = {group};
+  add_plane(s, "floor", {0, 0, 0}, {0, 0, 1});
+  WallMotion swing;
+  swing.kind = WallMotion::Kind::vibrate;
+  swing.axis = {1, 0, 0};
+  swing.amplitude = amplitude;
+  swing.frequency = frequency;
+  s.walls[0].motion = {swing};
+  return s;
+}
+
+}  // namespace
+
+TEST_CASE("a column of 200 grains in equilibrium does not creep") { check_column(200, 100.0); }
+
+TEST_CASE("a column of 1000 grains in equilibrium does not creep for 100 000 contact times", "[.long][long]") {
+  check_column(1000, 1e5);
+}
+
+namespace {
+
+/// What shear to and fro leaves: elastic energy at the end of each cycle, and what the floor has given for it.
+void check_shear(int n_cycles) {
+  const double frequency = 20.0, start = 0.6;
+  const Scene s = shaken_pack(4e-5, frequency);  // 0.064 g: less than friction bears
+  Simulation run(s, 1);
+  advance(run, static_cast<std::int64_t>(start / run.time_step()));
+  const EnergyLedger settled = run.energy();
+  const auto end_of = [&](int cycle) {  // [steps] always at the same phase of the floor
+    return std::llround((start + (cycle + 1) / frequency) / run.time_step());
+  };
+  std::vector<double> elastic, kinetic;
+  double work = 0.0;
+  for (int cycle = 0; cycle < n_cycles; ++cycle) {
+    advance_past_restart(run, s, end_of(cycle) - static_cast<std::int64_t>(run.step_number()),
+                         cycle == n_cycles / 2 ? 500 : 0);
+    const EnergyLedger now = run.energy();
+    elastic.push_back((now.elastic_normal + now.elastic_tangential) /
+                      (settled.elastic_normal + settled.elastic_tangential));
+    kinetic.push_back((now.kinetic + now.rotational) / (settled.elastic_normal + settled.elastic_tangential));
+    work = now.wall_work;
+  }
+  const auto mean = [&](const std::vector<double>& of, std::size_t first, std::size_t last) {
+    double sum = 0.0;
+    for (std::size_t k = first; k < last; ++k) sum += of[k] / static_cast<double>(last - first);
+    return sum;
+  };
+  const auto n = static_cast<std::size_t>(n_cycles);
+  const double early = mean(elastic, n / 10, n / 5), late = mean(elastic, n - n / 10, n);
+  const EnergyLedger end = run.energy();
+  const double turned_over = std::abs(end.initial) + std::abs(end.wall_work);
+  report(
+      "%d reversals: elastic energy %.4f of that when settled early, %.4f late; kinetic %.1e, %.1e; the ledger is open "
+      "by %.1e",
+      n_cycles, early, late, mean(kinetic, n / 10, n / 5), mean(kinetic, n - n / 10, n), end.error() / turned_over);
+  CHECK(work > 0.0);
+  CHECK(late == Approx(1.0).margin(0.1));
+  CHECK(late < early + 0.1);
+  CHECK(mean(kinetic, n - n / 10, n) < 2.0 * mean(kinetic, n / 10, n / 5) + 1e-6);
+  CHECK(std::abs(end.error()) < 0.05 * turned_over);
+}
+
+}  // namespace
+
+TEST_CASE("a pack sheared to and fro 10 times does not gather energy") { check_shear(10); }
+
+TEST_CASE("a pack sheared to and fro 1000 times does not gather energy", "[.long][long]") { check_shear(1000); }
+
+namespace {
+
+/// Grains at random between a floor and a lid that comes down half of the way and goes up again.
+struct Squeeze {
+  static constexpr double d = 0.01, speed = 0.1, far = 4.7 * d;
+  static Scene scene(double max_overlap);
+};
+
+Scene Squeeze::scene(double max_overlap) {
+  Scene s = empty_scene({0, 0, 0}, {4 * d, 4 * d, 8 * d}, 2500.0, 1e4, 0.8, 0.4);
+  s.domain.periodic = {true, true, false};
+  s.output.energy = true;
+  s.run.max_overlap = max_overlap;
+  s.time.steps_per_contact = 25.0;
+  ParticleGroup group;
+  group.material = "grain";
+  group.diameter.kind = SizeDistribution::Kind::uniform;
+  group.diameter.low = 0.8 * d;
+  group.diameter.high = d;
+  group.fill = RandomFill{BoxRegion{{{0, 0, 0}, {4 * d, 4 * d, 7.9 * d}}}, {}, 128};
+  s.particles = {group};
+  add_plane(s, "floor", {0, 0, 0}, {0, 0, 1});
+  add_plane(s, "lid", {0, 0, 8 * d}, {0, 0, -1});
+  WallMotion down;
+  down.places = {{0.0, 0, 0, 0}, {far / speed, 0, 0, -far}, {2 * far / speed, 0, 0, 0}};
+  s.walls[1].motion = {down};
+  Probe contacts;
+  contacts.kind = Probe::Kind::contacts;
+  contacts.name = "contacts";
+  contacts.interval = 1.0;
+  Probe force;
+  force.kind = Probe::Kind::wall_force;
+  force.name = "lid_force";
+  force.wall = "lid";
+  force.interval = 1.0;
+  s.output.probes = {contacts, force};
+  return s;
+}
+
+}  // namespace
+
+TEST_CASE(
+    "a jammed pack squeezed until overlaps are a tenth of a diameter pushes back ever harder, and gives back less") {
+  const Scene s = Squeeze::scene(0.95);
+  Simulation run(s, 1);
+  const auto part = static_cast<std::int64_t>(0.05 * Squeeze::far / Squeeze::speed / run.time_step());
+  double deepest = 0.0, most = 0.0, before = 0.0;
+  int n_falls = 0;
+  for (int k = 0; k < 20; ++k) {
+    advance_past_restart(run, s, part, k == 18 ? 500 : 0);
+    deepest = std::max(deepest, run.probe_row(0)[1]);
+    const double push = std::abs(run.probe_row(1)[2]);
+    if (deepest > 0.02 && push < before) ++n_falls;
+    before = push;
+    most = std::max(most, push);
+  }
+  const double work_in = run.energy().wall_work;
+  advance_past_restart(run, s, 20 * part, 500);
+  const EnergyLedger end = run.energy();
+  report(
+      "squeezed to a mean overlap of %.3f radii with %.3g N: the lid gave %.3g J and got %.3g J back; ledger open by "
+      "%.1e",
+      deepest, most, work_in, work_in - end.wall_work, end.error() / work_in);
+  CHECK(deepest > 0.2);  // radii
+  CHECK(n_falls == 0);
+  CHECK(end.wall_work > 0.0);  // what it gets back is less than what it gave
+  CHECK(std::abs(end.error()) < 0.02 * work_in);
+  CHECK(run.n_grains() == 128);
+}
+
+TEST_CASE(
+    "beyond the deepest overlap that the scene allows a squeezed pack ends the run with the grain and its contacts") {
+  Simulation run(Squeeze::scene(0.2), 1);
+  std::string error;
+  try {
+    advance(run, static_cast<std::int64_t>(Squeeze::far / Squeeze::speed / run.time_step()));
+  } catch (const RunError& stop) {
+    error = stop.what();
+  }
+  CHECK_THAT(error, Catch::Contains("overlap runs away: grain ") && Catch::Contains("(limit run.max_overlap = 0.2)") &&
+                        Catch::Contains("likely cause: grains too soft for their load"));
+}
