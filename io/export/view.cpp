@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/checkpoint/durable_file.hpp"
+#include "io/export/camera.hpp"
 #include "io/export/colour_map.hpp"
 #include "io/export/grain_values.hpp"
 #include "io/export/povray.hpp"
@@ -154,6 +155,13 @@ std::string floats_of(const std::vector<std::array<Vec3, n>>& shapes) {
   return base64(bytes);
 }
 
+/// East, north and up of the pictures; in two dimensions they are seen from above.
+Json upright_json(const Scene* scene) {
+  const Upright frame =
+      scene != nullptr && scene->domain.dimensions == 3 ? upright_for(scene->time.gravity) : Upright();
+  return {json_of(frame.east), json_of(frame.north), json_of(frame.up)};
+}
+
 Json json_of(const std::vector<WallMesh>& walls) {
   Json all = Json::array();
   for (const WallMesh& wall : walls) {
@@ -239,6 +247,7 @@ std::string view_run(const ViewRequest& request) {
                {"low", json_of(scale.box.low)},
                {"high", json_of(scale.box.high)},
                {"flat", scene && scene->domain.dimensions == 2},
+               {"upright", upright_json(scene ? &*scene : nullptr)},
                {"radius", scale.largest_radius},
                {"range", {scale.low, scale.high}},
                {"share", scale.share},
