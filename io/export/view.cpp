@@ -175,9 +175,9 @@ Json json_of(const std::vector<WallMesh>& walls) {
   return all;
 }
 
-/// Every so many rows, so that few remain; of profiles the rows of the middle suffice for a glance, too.
+/// Every so many rows, so that few remain; of profiles the rows of the middle suffice for a glance, too. What never changes comes last.
 Json json_of(const std::vector<RunTable>& tables) {
-  Json all = Json::array();
+  Json all = Json::array(), unchanging = Json::array();
   for (const RunTable& table : tables) {
     const std::size_t stride = (table.time.size() + most_rows - 1) / most_rows;
     const auto thinned = [&](const std::vector<double>& values) {
@@ -194,9 +194,15 @@ Json json_of(const std::vector<RunTable>& tables) {
         const std::string label = column.place ? fmt::format("{} {:.4g} m", column.axis, *column.place) : column.name;
         one["lines"].push_back({{"name", label}, {"values", thinned(column.values)}});
       }
-      all.push_back(one);
+      const bool changes = std::any_of(group.columns.begin(), group.columns.end(), [&](std::size_t k) {
+        const std::vector<double>& values = table.columns[k].values;
+        return std::any_of(values.begin(), values.end(),
+                           [&](double value) { return std::isfinite(value) && value != values[0]; });
+      });
+      (changes ? all : unchanging).push_back(one);
     }
   }
+  all.insert(all.end(), unchanging.begin(), unchanging.end());
   return all;
 }
 
