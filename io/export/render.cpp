@@ -167,8 +167,7 @@ void expect_movie(const RenderRequest& request) {
   if (!is_on_path("ffmpeg"))
     throw ExportError(
         "ffmpeg is not installed, which makes movies of pictures; on Debian and Ubuntu: apt-get install ffmpeg (or "
-        "take "
-        "--frame all for the pictures alone)");
+        "take --frame all for the pictures alone)");
 }
 
 void make_movie(const RenderRequest& request, const fs::path& workshop) {
