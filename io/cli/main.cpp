@@ -343,13 +343,14 @@ void add_render(CLI::App& app, Command& chosen, Log& log) {
   command->add_option("--size", request->size, "WIDTHxHEIGHT in pixels (default: 1280x960)");
   command->add_option("--view", request->style.view, "azimuth and elevation of the camera [degrees]")->expected(2);
   command->add_option("--out", request->out, "file (default: RUN/pictures/STEP.png)");
-  command->add_option("--movie", request->movie,
-                      "a movie of all snapshots instead, by ffmpeg: FILE.mp4, FILE.webm or FILE.gif");
+  auto* movie = command->add_option("--movie", request->movie,
+                                    "a movie of all snapshots instead, by ffmpeg: FILE.mp4, FILE.webm or FILE.gif");
   command->add_option("--rate", request->rate, "frames of the movie a second (default: 10)");
   command
       ->add_option("--preview", request->preview,
                    "shows the picture in the terminal (24-bit colours), so many characters wide, and writes no file")
-      ->check(CLI::Range(16, 1000));
+      ->check(CLI::Range(16, 1000))
+      ->excludes(movie);
   command->callback([&chosen, &log, request] {
     chosen = [&log, request] {
       request->progress = [&log](const std::string& text) { log.progress(text); };

@@ -49,14 +49,28 @@ Vec3 Camera::project(Vec3 point) const {
   return {dot(from, right) / (depth * tan_x), dot(from, up) / (depth * tan_y), depth};
 }
 
-Camera frame_box(const Box& box, double azimuth, double elevation, double aspect, double aside, bool is_parallel) {
+Upright upright_for(Vec3 gravity) {
+  int axis = 2;
+  for (int k = 0; k < 3; ++k)
+    if (std::abs(gravity[k]) > std::abs(gravity[axis])) axis = k;
+  Upright frame;
+  frame.up = frame.east = {};
+  frame.up[axis] = gravity[axis] > 0.0 ? -1.0 : 1.0;
+  frame.east[axis == 0 ? 1 : 0] = 1.0;
+  frame.north = cross(frame.up, frame.east);
+  return frame;
+}
+
+Camera frame_box(const Box& box, const Upright& upright, double azimuth, double elevation, double aspect, double aside,
+                 bool is_parallel) {
   const double a = azimuth * std::numbers::pi / 180.0, e = elevation * std::numbers::pi / 180.0;
   Camera camera;
   camera.is_parallel = is_parallel;
   camera.tan_y = std::tan(half_angle);
   camera.tan_x = camera.tan_y * aspect;
-  camera.ahead = -Vec3{std::cos(e) * std::cos(a), std::cos(e) * std::sin(a), std::sin(e)};
-  camera.up = Vec3{-std::sin(e) * std::cos(a), -std::sin(e) * std::sin(a), std::cos(e)};
+  const Vec3 level = std::cos(a) * upright.east + std::sin(a) * upright.north;
+  camera.ahead = -std::cos(e) * level - std::sin(e) * upright.up;
+  camera.up = -std::sin(e) * level + std::cos(e) * upright.up;
   camera.right = cross(camera.ahead, camera.up);
   // The least distance at which the box fits, by bisection; never so near that the camera is among the grains.
   double near = 0.55 * length(box.size()), far = 200.0 * length(box.size());

@@ -17,10 +17,17 @@ struct Camera {
   Vec3 project(Vec3 point) const;
 };
 
-/// Looks at the box from a direction (azimuth from the x axis, elevation above the horizon [degrees]), z up; from `elevation` 90
-/// straight down with y up. The box fills the picture but for a margin, and a share `aside` of the width on the right that
+/// What is up in a scene: the axis that gravity points against most, z without gravity; and the level directions that azimuths are counted from.
+/// Columns of a right-handed frame, `up` the third.
+struct Upright {
+  Vec3 east{1, 0, 0}, north{0, 1, 0}, up{0, 0, 1};
+};
+Upright upright_for(Vec3 gravity);
+
+/// Looks at the box from a direction (azimuth from `east`, elevation above the horizon [degrees]); from `elevation` 90 straight down with `north` up. The box fills the picture but for a margin, and a share `aside` of the width on the right that
 /// stays free for a legend. `aspect`: width over height.
-Camera frame_box(const Box& box, double azimuth, double elevation, double aspect, double aside, bool is_parallel);
+Camera frame_box(const Box& box, const Upright& upright, double azimuth, double elevation, double aspect, double aside,
+                 bool is_parallel);
 
 /// How far right on the picture the box reaches, -1 to 1.
 double right_end(const Camera& camera, const Box& box);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
 
 #include "io/export/camera.hpp"
 #include "io/export/colour_map.hpp"
@@ -18,7 +19,7 @@ namespace moraine {
 namespace {
 
 constexpr int n_colours = 128;
-constexpr double legend_share = 0.10;  // of the half width, on either side of what the box may fill
+constexpr double legend_width = 0.44;  // that what is shown leaves free on the right, in halves of the picture's height
 
 Box intersection(const Box& a, const Box& b) {
   Box box;
@@ -255,7 +256,7 @@ std::string bar_text(const Overlay& overlay, double x, double bottom, double top
 }
 
 std::string legend_text(const Overlay& overlay, double left, const Bar& grains, const Bar* gas, const Image& image) {
-  const double x = std::min(left, overlay.right_edge() - 0.31), bottom = -0.45;
+  const double x = std::min(left, overlay.right_edge() - 0.40), bottom = -0.45;
   std::string text;
   if (gas != nullptr)
     text = bar_text(overlay, x, 0.18, 0.68, grains) + bar_text(overlay, x, bottom, 0.02, *gas);
@@ -265,10 +266,19 @@ std::string legend_text(const Overlay& overlay, double left, const Bar& grains, 
   return text + overlay.text(fmt::format("{} grains", image.n_grains), x, bottom - 0.22, text_height);
 }
 
-/// Across which axis a slice shows most of itself to the viewer; seen from above in two dimensions it lies in the plane.
-int slice_axis(const Camera& camera, bool is_flat) {
-  if (is_flat) return 2;
-  return std::abs(camera.ahead.x) > std::abs(camera.ahead.y) ? 0 : 1;
+/// Where the picture is seen from.
+struct Viewpoint {
+  Upright upright;
+  double azimuth = -62.0, elevation = 18.0;  // [degrees]
+  bool is_flat = false;                      // straight from above, without perspective
+};
+Viewpoint viewpoint_of(const Image& image, const Scene* scene, const PictureStyle& style) {
+  Viewpoint from;
+  from.is_flat = is_flat(image, scene) && style.view.empty();
+  if (scene != nullptr && scene->domain.dimensions == 3) from.upright = upright_for(scene->time.gravity);
+  if (from.is_flat) from.azimuth = -90.0, from.elevation = 90.0;
+  if (style.view.size() == 2) from.azimuth = style.view[0], from.elevation = style.view[1];
+  return from;
 }
 
 std::string slice_text(const GasSlice& slice, const Image& image, const Drawing& drawing, const Bar& bar) {
@@ -316,6 +326,14 @@ Box frame_of(const Image& image, const Scene* scene) {
   return intersection(box, image.domain);
 }
 
+int slice_axis(const Image& image, const Scene* scene, const PictureStyle& style) {
+  const Viewpoint from = viewpoint_of(image, scene, style);
+  const double a = from.azimuth * std::numbers::pi / 180.0;
+  if (from.is_flat) return 2;
+  const Vec3 across = std::abs(std::cos(a)) > std::abs(std::sin(a)) ? from.upright.east : from.upright.north;
+  return across.x != 0.0 ? 0 : across.y != 0.0 ? 1 : 2;
+}
+
 std::string povray_text(const Image& image, const Scene* scene, const PictureStyle& style) {
   const Box frame = style.frame ? *style.frame : frame_of(image, scene);
   const GrainValues values = grain_values(image, style.field);
@@ -323,10 +341,9 @@ std::string povray_text(const Image& image, const Scene* scene, const PictureSty
       style.range.size() == 2 ? std::pair(style.range[0], style.range[1]) : usual_range(values.values);
   const Drawing drawing(frame);
   const Box box = drawing.box(frame);
-  const bool is_seen_flat = is_flat(image, scene) && style.view.empty();
-  const double azimuth = style.view.size() == 2 ? style.view[0] : is_seen_flat ? -90.0 : -62.0;
-  const double elevation = style.view.size() == 2 ? style.view[1] : is_seen_flat ? 90.0 : 18.0;
-  const Camera camera = frame_box(box, azimuth, elevation, style.aspect, legend_share, is_seen_flat);
+  const Viewpoint from = viewpoint_of(image, scene, style);
+  const double aside = std::min(0.5 * legend_width / style.aspect, 0.35);
+  const Camera camera = frame_box(box, from.upright, from.azimuth, from.elevation, style.aspect, aside, from.is_flat);
   std::string text = head_text() + camera_text(camera, style.aspect) + light_text(camera, box) + palette_text();
   if (scene == nullptr || scene->walls.empty()) text += povray_edges(box, 0.01, "edge");
   if (scene != nullptr) text += povray_walls(drawing.walls(moved_walls(scene->walls, image)), box, camera, image.time);
@@ -334,13 +351,13 @@ std::string povray_text(const Image& image, const Scene* scene, const PictureSty
   Bar gas_bar;
   std::function<bool(Vec3)> is_hidden = [](Vec3) { return false; };
   if (!style.gas.empty()) {
-    const GasSlice slice = gas_slice(image, style.gas, slice_axis(camera, is_seen_flat));
+    const GasSlice slice = gas_slice(image, style.gas, slice_axis(image, scene, style));
     const auto range = usual_range(slice.values);
     gas_bar = {slice.label, range.first, range.second, pale_to_blue};
     if (style.gas_range.size() == 2) gas_bar.low = style.gas_range[0], gas_bar.high = style.gas_range[1];
     text += slice_text(slice, image, drawing, gas_bar);
     const double side = camera.ahead[slice.axis] > 0.0 ? 1.0 : -1.0;
-    if (!is_seen_flat) is_hidden = [slice, side](Vec3 p) { return side * (p[slice.axis] - slice.place) < 0.0; };
+    if (!from.is_flat) is_hidden = [slice, side](Vec3 p) { return side * (p[slice.axis] - slice.place) < 0.0; };
   }
   text += grains_text(image, drawing, values.values, low, high, is_hidden);
   const double legend_left = right_end(camera, box) * style.aspect + 0.12;

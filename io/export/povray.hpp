@@ -24,6 +24,9 @@ struct PictureStyle {
 /// What a picture of a snapshot should show: the grains and the walls of finite size, within the domain.
 Box frame_of(const Image& image, const Scene* scene);
 
+/// Across which axis the slice of the gas lies: it shows most of itself to the viewer, and stands upright.
+int slice_axis(const Image& image, const Scene* scene, const PictureStyle& style);
+
 /// The text of a POV-Ray scene: grains coloured by a field, walls translucent, soft light, a bar with the scale and the time. With a slice of
 /// the gas those grains are left out that lie before it. `scene`: its walls that exist at the snapshot's time are drawn; may be null. Throws ExportError for an unknown field.
 std::string povray_text(const Image& image, const Scene* scene, const PictureStyle& style);

@@ -167,8 +167,7 @@ void expect_movie(const RenderRequest& request) {
   if (!is_on_path("ffmpeg"))
     throw ExportError(
         "ffmpeg is not installed, which makes movies of pictures; on Debian and Ubuntu: apt-get install ffmpeg (or "
-        "take "
-        "--frame all for the pictures alone)");
+        "take --frame all for the pictures alone)");
 }
 
 void make_movie(const RenderRequest& request, const fs::path& workshop) {
@@ -231,7 +230,7 @@ void settle_style(PictureStyle& style, const std::vector<fs::path>& all, const s
     low = std::min(low, range.first);
     high = std::max(high, range.second);
     if (style.gas.empty()) continue;
-    const auto gas_range = usual_range(gas_slice(image, style.gas, 1).values);
+    const auto gas_range = usual_range(gas_slice(image, style.gas, slice_axis(image, scene, style)).values);
     gas_low = std::min(gas_low, gas_range.first);
     gas_high = std::max(gas_high, gas_range.second);
   }

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/checkpoint/durable_file.hpp"
+#include "io/export/camera.hpp"
 #include "io/export/colour_map.hpp"
 #include "io/export/grain_values.hpp"
 #include "io/export/povray.hpp"
@@ -154,6 +155,13 @@ std::string floats_of(const std::vector<std::array<Vec3, n>>& shapes) {
   return base64(bytes);
 }
 
+/// East, north and up of the pictures; in two dimensions they are seen from above.
+Json upright_json(const Scene* scene) {
+  const Upright frame =
+      scene != nullptr && scene->domain.dimensions == 3 ? upright_for(scene->time.gravity) : Upright();
+  return {json_of(frame.east), json_of(frame.north), json_of(frame.up)};
+}
+
 Json json_of(const std::vector<WallMesh>& walls) {
   Json all = Json::array();
   for (const WallMesh& wall : walls) {
@@ -167,9 +175,9 @@ Json json_of(const std::vector<WallMesh>& walls) {
   return all;
 }
 
-/// Every so many rows, so that few remain; of profiles the rows of the middle suffice for a glance, too.
+/// Every so many rows, so that few remain; of profiles the rows of the middle suffice for a glance, too. What never changes comes last.
 Json json_of(const std::vector<RunTable>& tables) {
-  Json all = Json::array();
+  Json all = Json::array(), unchanging = Json::array();
   for (const RunTable& table : tables) {
     const std::size_t stride = (table.time.size() + most_rows - 1) / most_rows;
     const auto thinned = [&](const std::vector<double>& values) {
@@ -186,9 +194,15 @@ Json json_of(const std::vector<RunTable>& tables) {
         const std::string label = column.place ? fmt::format("{} {:.4g} m", column.axis, *column.place) : column.name;
         one["lines"].push_back({{"name", label}, {"values", thinned(column.values)}});
       }
-      all.push_back(one);
+      const bool changes = std::any_of(group.columns.begin(), group.columns.end(), [&](std::size_t k) {
+        const std::vector<double>& values = table.columns[k].values;
+        return std::any_of(values.begin(), values.end(),
+                           [&](double value) { return std::isfinite(value) && value != values[0]; });
+      });
+      (changes ? all : unchanging).push_back(one);
     }
   }
+  all.insert(all.end(), unchanging.begin(), unchanging.end());
   return all;
 }
 
@@ -239,6 +253,7 @@ std::string view_run(const ViewRequest& request) {
                {"low", json_of(scale.box.low)},
                {"high", json_of(scale.box.high)},
                {"flat", scene && scene->domain.dimensions == 2},
+               {"upright", upright_json(scene ? &*scene : nullptr)},
                {"radius", scale.largest_radius},
                {"range", {scale.low, scale.high}},
                {"share", scale.share},

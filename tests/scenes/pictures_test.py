@@ -161,6 +161,19 @@ class Exports(unittest.TestCase):
         reader.Update()
         return reader.GetOutput().GetBlock(0)
 
+    def check_tecplot_grains(self, file, snapshot):
+        """Tecplot wants scattered points as an ordered zone along I, which VTK's reader leaves out: it gets the same file with one line changed."""
+        lines = file.read_text().splitlines()
+        lines[2] = f'ZONE T="grains", N={snapshot.attrs["grains"]}, E=0, ET=POINT, F=FEPOINT'
+        copy = FOLDER / "points.dat"
+        copy.write_text("\n".join(lines) + "\n")
+        grains = self.read_tecplot(copy)
+        np.testing.assert_allclose(vtk_to_numpy(grains.GetPoints().GetData()), snapshot["particles/position"][:], rtol=1e-6)
+        data = {grains.GetPointData().GetArrayName(k): vtk_to_numpy(grains.GetPointData().GetArray(k)) for k in range(grains.GetPointData().GetNumberOfArrays())}
+        for name, column in ("radius [m]", "radius"), ("gid", "gid"):
+            np.testing.assert_allclose(data[name], snapshot[f"particles/{column}"][:], rtol=1e-6)
+        np.testing.assert_allclose(data["velocity_z [m_s]"], snapshot["particles/velocity"][:, 2], rtol=1e-6)
+
     def test_tecplot_s_reader_finds_the_gas_and_the_grains_are_a_zone_of_points(self):
         # VTK's reader has no zones along one line only, as Tecplot wants scattered points
         for step, snapshot, out in self.each_frame("tecplot", ".dat"):
@@ -171,6 +184,7 @@ class Exports(unittest.TestCase):
             np.testing.assert_array_equal(rows[:, :3], snapshot["particles/position"][:])
             np.testing.assert_array_equal(rows[:, names.index("radius [m]")], snapshot["particles/radius"][:])
             np.testing.assert_array_equal(rows[:, names.index("velocity_z [m/s]")], snapshot["particles/velocity"][:, 2])
+            self.check_tecplot_grains(out / f"grains_{step}.dat", snapshot)
             gas = self.read_tecplot(out / f"gas_{step}.dat")
             self.assertEqual(gas.GetDimensions(), (5, 4, 10))
             void = next(name for name in (gas.GetPointData().GetArrayName(k) for k in range(gas.GetPointData().GetNumberOfArrays()))
@@ -388,6 +402,18 @@ class Render(unittest.TestCase):
         self.assertEqual(len(lines), 15)
         self.assertEqual({line.count("\u2580") for line in lines}, {40})
         self.assertGreater(len(set(re.findall(r"38;2;([0-9;]+)m", text))), 20)
+
+    def test_povray_draws_what_is_exported_of_single_and_distributed_snapshots_alike(self):
+        pictures = []
+        for run in RUN, SHARED:
+            out = FOLDER / f"{run.name}-povray"
+            program("export", run, "--povray", "--frame", "3", "--out", out)
+            scene, = out.glob("*.pov")
+            self.assertEqual(scene.read_text().count("sphere {"), 300)
+            subprocess.run(["povray", "-D", "+W160", "+H120", f"+I{scene}", f"+O{out / 'picture.png'}"], check=True, capture_output=True)
+            pictures.append(matplotlib_image.imread(out / "picture.png")[:, :, :3])
+        self.assertGreater(((pictures[0].max(axis=2) - pictures[0].min(axis=2)) > 0.25).mean(), 0.03)
+        self.assertLess(abs(pictures[0] - pictures[1]).mean(), 0.01)  # but for the jitter of soft shadows
 
     def test_povray_draws_grains_in_colours(self):
         picture = FOLDER / "picture.png"

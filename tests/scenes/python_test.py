@@ -605,6 +605,19 @@ class House(unittest.TestCase):
             if not name.startswith("_"):
                 self.assertRegex(stub, rf"\b{name}\b", f"{name} is not in __init__.pyi")
 
+    def test_what_cmake_installs_is_whole(self):
+        with tempfile.TemporaryDirectory() as folder:
+            subprocess.run(["cmake", "--install", PROGRAM.parent.parent, "--prefix", folder, "--component", "moraine"], check=True, stdout=subprocess.DEVNULL)
+            module, = Path(folder).glob("lib/python3*/dist-packages")
+            done = subprocess.run([sys.executable, "-c", "import moraine; print(moraine.__file__, moraine.__version__)"], capture_output=True, text=True,
+                                  env=dict(ENVIRONMENT, PYTHONPATH=str(module)), cwd=folder)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            place, version = done.stdout.split()
+            self.assertEqual(Path(place).parent, module / "moraine")
+            self.assertEqual(sorted(p.name for p in Path(place).parent.iterdir() if p.suffix == ".pyi"), ["__init__.pyi"])
+            said = subprocess.run([Path(folder) / "bin" / "moraine", "--version"], capture_output=True, text=True, env=ENVIRONMENT).stdout
+            self.assertIn(version, said)
+
     def test_the_tutorial_is_short_and_runs(self):
         tutorial = PROJECT / "examples" / "python" / "hopper_orifice.py"
         self.assertLess(len(tutorial.read_text().splitlines()), 60)

@@ -163,7 +163,7 @@ TEST_CASE(
         for (const double aspect : {1.0, 1.78, 0.6})
           for (const bool is_parallel : {false, true}) {
             const Box box{{5, 6, 7}, Vec3{5, 6, 7} + size};
-            const Camera camera = frame_box(box, azimuth, elevation, aspect, 0.1, is_parallel);
+            const Camera camera = frame_box(box, upright_for(size), azimuth, elevation, aspect, 0.1, is_parallel);
             double left = 1e9, right = -1e9, bottom = 1e9, top = -1e9;
             for (int i = 0; i < 8; ++i) {
               const Vec3 p =

@@ -49,8 +49,10 @@ let camera = start();
 
 function cameraAxes() {
   const { azimuth: a, elevation: e } = camera;
-  const ahead = [-Math.cos(e) * Math.cos(a), -Math.cos(e) * Math.sin(a), -Math.sin(e)];
-  const up = [-Math.sin(e) * Math.cos(a), -Math.sin(e) * Math.sin(a), Math.cos(e)];
+  const [east, north, top] = data.upright;  // what is up: against gravity
+  const of = (x, y, z) => east.map((_, axis) => x * east[axis] + y * north[axis] + z * top[axis]);
+  const ahead = of(-Math.cos(e) * Math.cos(a), -Math.cos(e) * Math.sin(a), -Math.sin(e));
+  const up = of(-Math.sin(e) * Math.cos(a), -Math.sin(e) * Math.sin(a), Math.cos(e));
   return { ahead, up, right: cross(ahead, up) };
 }
 
