@@ -142,7 +142,7 @@ check "a build folder that cannot be made is named" ends_with 1 env MORAINE_BUIL
 check "  with the cure" err_has "set MORAINE_BUILD_DIR"
 
 # The installer, with a package that does not exist, for a user who may not install it.
-sed 's/\[render\]="povray"/[render]="no-such-package-as-this"/' "$source_root/.ci/install" >"$folder/install"
+sed 's/\[render\]="povray ffmpeg"/[render]="no-such-package-as-this"/' "$source_root/.ci/install" >"$folder/install"
 sed -i 's/EUID != 0/1/; s/command -v sudo/false/' "$folder/install"
 if command -v dpkg-query >/dev/null; then
   check "missing packages without root end with 1" ends_with 1 bash "$folder/install" render
