@@ -7,7 +7,9 @@
 #include <cmath>
 
 #include "engine/scene/checks.hpp"
+#include "engine/scene/lists.hpp"
 #include "io/cli/text.hpp"
+#include "kernels/drag/cells.hpp"
 
 namespace moraine {
 
@@ -106,6 +108,22 @@ std::string other_faces(const Scene& scene) {
   return names.empty() ? names : names + ": wall" + (names.find(',') == std::string::npos ? "" : "s");
 }
 
+/// Where grains carry much of the fluid along, what it does to them is spread over gas steps (engine/coupling/README.md).
+std::string dense_text(const Scene& scene) {
+  const Gas& gas = *scene.gas;
+  if (!gas.drag || gas.model != GasModel::a || !gas.moves_gas) return {};
+  const std::vector<bool> is_grain = grain_materials(scene);
+  double carried = 0.0;  // in a packing with a void fraction of 0.4
+  for (std::size_t m = 0; m < is_grain.size(); ++m)
+    if (is_grain[m]) carried = std::max(carried, 1.5 * gas.density / scene.materials[m].density);
+  if (share_at_once(carried) == 1.0) return {};
+  return fmt::format(
+      "a dense fluid: packed grains carry {:.2g} times their mass of it along; they get {:.0f} % of a push at once, "
+      "the "
+      "rest over the next gas steps",
+      carried, 100.0 * share_at_once(carried));
+}
+
 /// How long the fastest gas that comes in takes through a cell, with a few grains in its way.
 std::string limits_text(const Scene& scene) {
   const Gas& gas = *scene.gas;
@@ -133,6 +151,7 @@ std::vector<std::string> gas_lines(const Scene& scene, double time_step, std::ui
     if (gas.pressure_gradient[axis] != 0.0)
       lines.push_back(fmt::format("mean pressure gradient {:.6g} Pa/m along {}", gas.pressure_gradient[axis],
                                   checks::axis_names[axis]));
+  if (const std::string dense = dense_text(scene); !dense.empty()) lines.push_back(dense);
   lines.push_back(limits_text(scene));
   return lines;
 }
