@@ -105,7 +105,7 @@ class Job:
         members = self.members()
         parents = {pid for pid, (name, _) in members.items() if name.startswith("mpirun")}
         ranks = [pid for pid, (_, parent) in members.items() if parent in parents]
-        return sorted(ranks) if parents else [self.process.pid]
+        return sorted(ranks) or [self.process.pid]  # alone, or before mpirun has started them
 
     def wait_for(self, run, step):
         """Until the run has come so far, or has ended."""
