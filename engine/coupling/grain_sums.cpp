@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "engine/threads.hpp"
+#include "kernels/base/sphere.hpp"
 
 namespace moraine {
 
@@ -90,9 +91,7 @@ namespace {
 /// [1/s] of which a gas step may be `longest_push` at most: coupling/README.md, "Long gas steps".
 double rate_of(GasModel model, double coefficient, double void_fraction, double radius, double inverse_mass,
                double carried_density) {
-  constexpr double four_thirds_pi = 4.188790204786390985;
-  const double volume = four_thirds_pi * radius * radius * radius;
-  const double carried = carried_mass(carried_density, void_fraction, volume, inverse_mass);
+  const double carried = carried_mass(carried_density, void_fraction, sphere_volume(radius), inverse_mass);
   const double of_grain = coefficient * inverse_mass / (model == GasModel::a ? void_fraction : 1.0);
   return of_grain * std::max(1.0, (1.0 - void_fraction) / void_fraction) / std::max(1.0, carried / 6.0);
 }

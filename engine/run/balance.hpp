@@ -43,10 +43,9 @@ struct BalanceView {
   std::vector<double> work;    // of the grain phases, in any unit
   std::vector<int> n_threads;  // at home
   std::vector<CoreShare> shares;
-  double seconds_a_step =
-      0.0;  // [s] that the busiest core works in the grain phases of one, waiting and messages left out
-  double steps_ahead = 0.0;  // that a new division is likely to last: as long as the one before has
-  double cut_seconds = 0.0;  // [s] that a new division costs
+  double seconds_a_step = 0.0;  // [s] that the busiest core works in the grain phases, without waiting and messages
+  double steps_ahead = 0.0;     // that a new division is likely to last: as long as the one before has
+  double cut_seconds = 0.0;     // [s] that a new division costs
 };
 
 struct BalancePlan {

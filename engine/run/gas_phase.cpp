@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cstring>
 
 #include "engine/particles/parcel.hpp"
@@ -98,12 +97,11 @@ void GasPhase::advance(Particles& particles, double time) {
 /// A floor is for cells that grains squeeze by. More grains than there is room for are none: cells too small for the weights.
 void GasPhase::look_at_void_fraction(double least, double time) const {
   if (least >= 0.0) return;
-  constexpr std::array names = {"cell", "trilinear", "smoothed"};
   const Vec3 spacing = coupling_.grid().spacing;
   throw RunError(
       fmt::format("at {:.6g} s: grains take up {:.3g} times the volume of a gas cell ({:.3g} x {:.3g} x {:.3g} m), for "
                   "the cells are too small for gas.weights = \"{}\"; use {}, or larger cells",
-                  time, 1.0 - least, spacing.x, spacing.y, spacing.z, names[static_cast<std::size_t>(weights_)],
+                  time, 1.0 - least, spacing.x, spacing.y, spacing.z, name_of(weights_),
                   weights_ == GasWeights::smoothed ? "a longer gas.smoothing"
                                                    : "\"smoothed\" with a smoothing of about a diameter"));
 }

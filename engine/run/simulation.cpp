@@ -150,6 +150,15 @@ std::string script_name(const Scene& scene, const Walls& walls, std::size_t numb
   return "script_" + scene.walls[static_cast<std::size_t>(walls.scripted_walls()[number])].name;
 }
 
+/// What a checkpoint keeps of a wall under that name; `without`: how the scene differs that it is of where it holds no such thing.
+const std::vector<double>& kept_of_wall(const Image& image, const std::string& name, std::size_t size,
+                                        const std::string& without) {
+  const auto found = image.accumulators.find(name);
+  if (found == image.accumulators.end() || found->second.size() != size)
+    throw SceneError({{"wall", "the checkpoint holds no \"" + name + "\"; it is of a scene " + without, false}});
+  return found->second;
+}
+
 /// Lists of start positions have done their work once the grains are born; they weigh as much as the grains.
 void forget_lists(Scene& scene) {
   for (ParticleGroup& group : scene.particles)
@@ -1090,21 +1099,13 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
   for (auto& [number, probe] : p.fields) probe.restore(image);
   p.force_maps.restore(world, image.accumulators);
   for (std::size_t k = 0; k < p.walls.servo_states().size(); ++k) {
-    const std::string name = servo_name(scene, p.walls, k);
-    const auto found = image.accumulators.find(name);
-    if (found == image.accumulators.end() || found->second.size() != 2)
-      throw SceneError(
-          {{"wall", "the checkpoint holds no \"" + name + "\"; it is of a scene without this servo", false}});
-    p.walls.servo_states()[k] = {found->second[0], found->second[1]};
+    const auto& kept = kept_of_wall(image, servo_name(scene, p.walls, k), 2, "without this servo");
+    p.walls.servo_states()[k] = {kept[0], kept[1]};
   }
   for (std::size_t k = 0; k < p.scripts.size(); ++k) {
     const std::string name = script_name(scene, p.walls, k);
-    const auto found = image.accumulators.find(name);
-    if (found == image.accumulators.end() || found->second.size() != n_script_numbers)
-      throw SceneError(
-          {{"wall", "the checkpoint holds no \"" + name + "\"; it is of a scene whose wall no script moves", false}});
     ScriptState& state = p.walls.script_states()[k];
-    state = script_state_of(state.origin, found->second);
+    state = script_state_of(state.origin, kept_of_wall(image, name, n_script_numbers, "whose wall no script moves"));
   }
   p.walls.move_to(p.time(), p.dt);
   PairCarry pairs;

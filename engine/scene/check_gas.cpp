@@ -91,8 +91,7 @@ void check_weights(const Scene& scene, Findings& found) {
         "gas.cells",
         "are {:.3g} m wide along {}, {:.3g} times the largest grain: with weights = \"{}\" void fractions jump "
         "as grains pass from cell to cell; use {}, or cells of at least {:.3g} m",
-        spacing(scene, axis), axis_names[axis], spacing(scene, axis) / largest_diameter(scene),
-        is_cell ? "cell" : "trilinear",
+        spacing(scene, axis), axis_names[axis], spacing(scene, axis) / largest_diameter(scene), name_of(gas.weights),
         is_cell ? "\"trilinear\" or \"smoothed\"" : "\"smoothed\" with a smoothing of about a diameter", least);
     return;
   }

@@ -119,8 +119,7 @@ std::string dense_text(const Scene& scene) {
   if (share_at_once(carried) == 1.0) return {};
   return fmt::format(
       "a dense fluid: packed grains carry {:.2g} times their mass of it along; they get {:.0f} % of a push at once, "
-      "the "
-      "rest over the next gas steps",
+      "the rest over the next gas steps",
       carried, 100.0 * share_at_once(carried));
 }
 

@@ -82,13 +82,9 @@ struct Held {
 /// What the motion of a wall says: a velocity, or a velocity and an angular velocity.
 WallRates rates_of(const py::object& said) {
   const auto values = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(said);
-  if (!values) {
-    PyErr_Clear();
-    throw py::value_error(
-        "a wall's motion gives a velocity [m/s], three numbers, or (velocity, angular velocity [rad/s])");
-  }
-  const bool has_spin = values.ndim() == 2 && values.shape(0) == 2 && values.shape(1) == 3;
-  if (!has_spin && !(values.ndim() == 1 && values.shape(0) == 3))
+  if (!values) PyErr_Clear();
+  const bool has_spin = values && values.ndim() == 2 && values.shape(0) == 2 && values.shape(1) == 3;
+  if (!has_spin && !(values && values.ndim() == 1 && values.shape(0) == 3))
     throw py::value_error(
         "a wall's motion gives a velocity [m/s], three numbers, or (velocity, angular velocity [rad/s])");
   const double* const v = values.data();

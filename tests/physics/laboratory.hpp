@@ -1,11 +1,11 @@
 // What every physics test needs: small scenes built in a few lines, and the state of a run by gid.
 #pragma once
 
-#include <cstdio>
 #include <string>
 #include <vector>
 
 #include "engine/run/simulation.hpp"
+#include "tests/support/measured.hpp"
 
 namespace moraine::physics {
 
@@ -32,14 +32,7 @@ State state_of(const Simulation& run);
 
 double mass_of(double density, double radius);
 
-/// Prints one line of measured results.
-template <typename... Values>
-void report(const char* format, Values... values) {
-  std::printf("    ");
-  std::printf(format, values...);
-  std::printf("\n");
-  std::fflush(stdout);
-}
+using testing::report;
 
 /// Table of numbers, one row a line; lines that do not begin with a number are left out. Separators: blanks and commas.
 std::vector<std::vector<double>> read_numbers(const std::string& file);

@@ -4,20 +4,21 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
-#include <cstdio>
-#include <numbers>
 #include <vector>
 
 #include "engine/run/simulation.hpp"
+#include "tests/support/flow_scenes.hpp"
+#include "tests/support/measured.hpp"
 
 namespace moraine::cases {
+
+using scenes::add_probe;
+using testing::report;
 
 inline Vec3 vector_of(const Image& image, Field field, std::size_t grain) {
   const std::vector<double>& v = image.find(field)->reals;
   return {v[3 * grain], v[3 * grain + 1], v[3 * grain + 2]};
 }
-
-inline double sphere_volume(double diameter) { return std::numbers::pi / 6.0 * diameter * diameter * diameter; }
 
 /// A box without walls, and one material "grain" that touches itself by linear springs.
 inline Scene empty_scene(Vec3 low, Vec3 high, double density, double stiffness, double restitution, double friction) {
@@ -75,11 +76,7 @@ inline std::vector<GrainSeed> cubic_layers(double cell, int n, int n_layers, dou
 }
 
 inline void add_plane(Scene& scene, const std::string& name, Vec3 point, Vec3 normal) {
-  WallDefinition wall;
-  wall.name = name;
-  wall.material = "grain";
-  wall.shape = PlaneShape{point, normal};
-  scene.walls.push_back(wall);
+  scenes::add_wall(scene, name, PlaneShape{point, normal}, "grain");
 }
 
 inline double largest_speed(const Simulation& run) {
@@ -105,15 +102,6 @@ inline void advance_past_restart(Simulation& run, const Scene& scene, std::int64
   advance(restored, beside);
   CHECK(restored.state_hash() == run.state_hash());
   advance(run, left - beside);
-}
-
-/// Prints one line of measured values.
-template <typename... Values>
-void report(const char* format, Values... values) {
-  std::printf("    ");
-  std::printf(format, values...);
-  std::printf("\n");
-  std::fflush(stdout);
 }
 
 }  // namespace moraine::cases

@@ -1,5 +1,6 @@
 // Few grains at the edge: heavy on light, large on small, in a wedge, spinning, hit without end, by walls that change their speed at once,
 // in a box that is hardly wider than they are.
+#include "kernels/base/sphere.hpp"
 #include "tests/stability/cases.hpp"
 
 using namespace moraine;
@@ -24,12 +25,7 @@ Vec3 wall_force(Simulation& run, std::size_t probe) {
 }
 
 void add_force_probe(Scene& scene, const std::string& wall) {
-  Probe probe;
-  probe.kind = Probe::Kind::wall_force;
-  probe.name = "force_" + wall;
-  probe.wall = wall;
-  probe.interval = 1.0;
-  scene.output.probes.push_back(probe);
+  add_probe(scene, Probe::Kind::wall_force, "force_" + wall, wall);
 }
 
 }  // namespace
@@ -52,7 +48,7 @@ TEST_CASE(
   advance_past_restart(run, s, static_cast<std::int64_t>(1.0 / run.time_step()));
   const Image image = run.snapshot();
   const double low = vector_of(image, Field::position, 0).z, high = vector_of(image, Field::position, 1).z;
-  const double weight = sphere_volume(d) * gravity;
+  const double weight = sphere_volume(0.5 * d) * gravity;
   CHECK(largest_speed(run) < 1e-9);
   CHECK((low + d - high) * stiffness == Approx(heavy * weight).epsilon(1e-6));
   CHECK((0.5 * d - low) * stiffness == Approx((heavy + light) * weight).epsilon(1e-6));
@@ -73,7 +69,7 @@ TEST_CASE(
   add_force_probe(s, "floor");
   Simulation run(s, 1);
   advance_past_restart(run, s, static_cast<std::int64_t>(0.15 / run.time_step()), 1000);
-  const double weight = 2500.0 * gravity * (sphere_volume(large) + 4 * sphere_volume(small));
+  const double weight = 2500.0 * gravity * (sphere_volume(0.5 * large) + 4 * sphere_volume(0.5 * small));
   const Image before = run.snapshot();
   CHECK(largest_speed(run) < 1e-9);
   CHECK(std::abs(wall_force(run, 0).z) == Approx(weight).epsilon(1e-6));
@@ -110,7 +106,7 @@ TEST_CASE(
     add_force_probe(s, "left");
     Simulation run(s, 1);
     advance_past_restart(run, s, static_cast<std::int64_t>(3.0 / run.time_step()), 1000);
-    const double weight = 2500.0 * gravity * sphere_volume(d);
+    const double weight = 2500.0 * gravity * sphere_volume(0.5 * d);
     const Vec3 right = wall_force(run, 0), left = wall_force(run, 1);
     report("friction %.1f: the walls bear %.6f of the weight, the right one %.4f", friction,
            std::abs(right.z + left.z) / weight, std::abs(right.z) / weight);
@@ -128,7 +124,7 @@ TEST_CASE(
   const double d = 0.01, r = 0.5 * d, mu = 0.3, spin = 100.0, stiffness = 1e5;
   Scene s = empty_scene({-1, -1, 0}, {1, 1, 0.1}, 2500.0, stiffness, 0.5, mu);
   s.time.gravity = {0, 0, -gravity};
-  const double sunk = 2500.0 * sphere_volume(d) * gravity / stiffness;
+  const double sunk = 2500.0 * sphere_volume(0.5 * d) * gravity / stiffness;
   add_grains(s, d, {grain_at({0, 0, r - sunk}, {}, {0, spin, 0}), grain_at({0, 0.1, r - sunk}, {}, {0, 0, spin})});
   add_plane(s, "floor", {0, 0, 0}, {0, 0, 1});
   Simulation run(s, 1);

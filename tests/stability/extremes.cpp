@@ -5,9 +5,13 @@
 #include <numbers>
 
 #include "engine/run/simulation.hpp"
+#include "tests/stability/cases.hpp"
 #include "tests/support/flow_scenes.hpp"
 
 using namespace moraine;
+using cases::advance;
+using cases::largest_speed;
+using cases::vector_of;
 
 namespace {
 
@@ -39,22 +43,6 @@ Scene scene_of(const std::vector<Grain>& grains) {
   group.fill = list;
   s.particles = {group};
   return s;
-}
-
-Vec3 vector_of(const Image& image, Field field, std::size_t grain) {
-  const std::vector<double>& v = image.find(field)->reals;
-  return {v[3 * grain], v[3 * grain + 1], v[3 * grain + 2]};
-}
-
-void advance(Simulation& simulation, int n_steps) {
-  for (int i = 0; i < n_steps; ++i) simulation.step();
-}
-
-double largest_speed(const Simulation& simulation) {
-  const Image image = simulation.snapshot();
-  double most = 0.0;
-  for (std::size_t i = 0; i < image.n_grains; ++i) most = std::max(most, length(vector_of(image, Field::velocity, i)));
-  return most;
 }
 
 TriangleMesh corner_of_three(double size) {

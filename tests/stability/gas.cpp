@@ -2,6 +2,7 @@
 // are those of physics: weights carried, closed forms, terminal velocities.
 #include <regex>
 
+#include "kernels/base/sphere.hpp"
 #include "kernels/drag/laws.hpp"
 #include "tests/stability/cases.hpp"
 
@@ -35,7 +36,7 @@ GasBoundary boundary(GasBoundary::Kind kind, int face, Vec3 velocity = {}) {
 
 /// [m/s] at which drag carries what is left of a lone grain's weight.
 double terminal_velocity(DragLaw law, double diameter, double density, double fluid_density, double viscosity) {
-  const double weight = sphere_volume(diameter) * std::abs(density - fluid_density) * gravity;
+  const double weight = sphere_volume(0.5 * diameter) * std::abs(density - fluid_density) * gravity;
   double low = 0.0, high = 100.0;
   for (int i = 0; i < 100; ++i) {
     const double v = 0.5 * (low + high);
@@ -77,16 +78,12 @@ struct Suspension {
     s.gas = fluid(s, 4.0 / 3.0 * cell(), fluid_density, viscosity, step);
     s.gas->model = model;
     s.gas->boundaries = {boundary(GasBoundary::Kind::free_slip, 4), boundary(GasBoundary::Kind::free_slip, 5)};
-    Probe drop;
-    drop.kind = Probe::Kind::pressure_drop;
-    drop.name = "drop";
-    drop.interval = 1.0;
-    s.output.probes = {drop};
+    add_probe(s, Probe::Kind::pressure_drop, "drop");
     return s;
   }
   /// [Pa] of all grains over the cross section, buoyancy off.
   double weight(const Simulation& run) const {
-    return static_cast<double>(run.n_grains()) * sphere_volume(diameter) * (density - fluid_density) * gravity /
+    return static_cast<double>(run.n_grains()) * sphere_volume(0.5 * diameter) * (density - fluid_density) * gravity /
            (width() * width());
   }
 };
@@ -188,15 +185,11 @@ struct DensestBed {
     s.gas->least_void_fraction = 0.2;
     s.gas->boundaries = {boundary(GasBoundary::Kind::pressure, 4),
                          boundary(GasBoundary::Kind::velocity, 5, {0, 0, -superficial})};
-    Probe pressures;
-    pressures.kind = Probe::Kind::pressure;
-    pressures.name = "p";
-    pressures.interval = 1.0;
-    pressures.points = {{0.5 * cell, 0.5 * cell, 1.5 * cell},
-                        {0.5 * cell, 0.5 * cell, (n_bed - 1.5) * cell},
-                        {0.5 * cell, 0.5 * cell, (n_bed + 1.5) * cell},
-                        {0.5 * cell, 0.5 * cell, (n_bed + n_above - 1.5) * cell}};
-    s.output.probes = {pressures};
+    add_probe(s, Probe::Kind::pressure, "p");
+    s.output.probes[0].points = {{0.5 * cell, 0.5 * cell, 1.5 * cell},
+                                 {0.5 * cell, 0.5 * cell, (n_bed - 1.5) * cell},
+                                 {0.5 * cell, 0.5 * cell, (n_bed + 1.5) * cell},
+                                 {0.5 * cell, 0.5 * cell, (n_bed + n_above - 1.5) * cell}};
     return s;
   }
   /// [Pa/m] Ergun (1952).
@@ -348,15 +341,15 @@ Scene sinking(double spacing, GasWeights weights, double smoothing) {
   s.gas = fluid(s, spacing, 1000.0, 1e-2, 5e-4);
   s.gas->weights = weights;
   s.gas->smoothing = smoothing;
-  const double solid = sphere_volume(d) / std::pow(apart, 3);
+  const double solid = sphere_volume(0.5 * d) / std::pow(apart, 3);
   s.gas->pressure_gradient = {0, 0, -solid * 1500.0 * gravity};
   return s;
 }
 
 /// [m/s] slip at which Di Felice's drag carries what the pressure gradient leaves of the weight.
 double sinking_slip() {
-  const double d = 1e-3, solid = sphere_volume(d) / std::pow(1.6 * d, 3), eps = 1.0 - solid;
-  const double weight = sphere_volume(d) * 1500.0 * gravity * eps;
+  const double d = 1e-3, solid = sphere_volume(0.5 * d) / std::pow(1.6 * d, 3), eps = 1.0 - solid;
+  const double weight = sphere_volume(0.5 * d) * 1500.0 * gravity * eps;
   double low = 0.0, high = 10.0;
   for (int i = 0; i < 100; ++i) {
     const double v = 0.5 * (low + high);

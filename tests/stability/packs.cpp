@@ -1,4 +1,5 @@
 // Packs at the edge: tall columns at rest for long, shear to and fro, jammed and squeezed.
+#include "kernels/base/sphere.hpp"
 #include "tests/stability/cases.hpp"
 
 using namespace moraine;
@@ -7,10 +8,11 @@ using namespace moraine::cases;
 namespace {
 
 constexpr double gravity = 9.81;
+constexpr double d = 0.01;  // [m] of the largest grains
 
 /// Grains on top of each other, each sunk into the one below by the weight that it bears.
 Scene column(int n, double stiffness) {
-  const double d = 0.01, weight = 2500.0 * sphere_volume(d) * gravity;
+  const double weight = 2500.0 * sphere_volume(0.5 * d) * gravity;
   Scene s = empty_scene({-0.1, -0.1, 0}, {0.1, 0.1, 1.01 * n * d}, 2500.0, stiffness, 0.5, 0.3);
   s.time.gravity = {0, 0, -gravity};
   s.time.steps_per_contact = 20.0;
@@ -45,12 +47,10 @@ void check_column(int n, double contacts) {
   CHECK(fastest < 1e-12 * n);  // as of the weights
 }
 
-/// Grains at random that settle under gravity on a floor that swings along itself.
-Scene shaken_pack(double amplitude, double frequency) {
-  const double d = 0.01;
-  Scene s = empty_scene({0, 0, 0}, {4 * d, 4 * d, 10 * d}, 2500.0, 1e4, 0.5, 0.5);
+/// Grains at random above a floor, periodic across: so many, up to a height, in a domain of another.
+Scene pack(std::uint64_t count, double filled, double height, double restitution, double friction) {
+  Scene s = empty_scene({0, 0, 0}, {4 * d, 4 * d, height}, 2500.0, 1e4, restitution, friction);
   s.domain.periodic = {true, true, false};
-  s.time.gravity = {0, 0, -gravity};
   s.time.steps_per_contact = 25.0;
   s.output.energy = true;
   ParticleGroup group;
@@ -58,9 +58,16 @@ Scene shaken_pack(double amplitude, double frequency) {
   group.diameter.kind = SizeDistribution::Kind::uniform;
   group.diameter.low = 0.8 * d;
   group.diameter.high = d;
-  group.fill = RandomFill{BoxRegion{{{0, 0, 0}, {4 * d, 4 * d, 9 * d}}}, {}, 115};
+  group.fill = RandomFill{BoxRegion{{{0, 0, 0}, {4 * d, 4 * d, filled}}}, {}, count};
   s.particles = {group};
   add_plane(s, "floor", {0, 0, 0}, {0, 0, 1});
+  return s;
+}
+
+/// Grains that settle under gravity on a floor that swings along itself.
+Scene shaken_pack(double amplitude, double frequency) {
+  Scene s = pack(115, 9 * d, 10 * d, 0.5, 0.5);
+  s.time.gravity = {0, 0, -gravity};
   WallMotion swing;
   swing.kind = WallMotion::Kind::vibrate;
   swing.axis = {1, 0, 0};
@@ -129,40 +136,21 @@ TEST_CASE("a pack sheared to and fro 1000 times does not gather energy", "[.long
 
 namespace {
 
-/// Grains at random between a floor and a lid that comes down half of the way and goes up again.
+/// Grains between a floor and a lid that comes down half of the way and goes up again.
 struct Squeeze {
-  static constexpr double d = 0.01, speed = 0.1, far = 4.7 * d;
+  static constexpr double speed = 0.1, far = 4.7 * d;
   static Scene scene(double max_overlap);
 };
 
 Scene Squeeze::scene(double max_overlap) {
-  Scene s = empty_scene({0, 0, 0}, {4 * d, 4 * d, 8 * d}, 2500.0, 1e4, 0.8, 0.4);
-  s.domain.periodic = {true, true, false};
-  s.output.energy = true;
+  Scene s = pack(128, 7.9 * d, 8 * d, 0.8, 0.4);
   s.run.max_overlap = max_overlap;
-  s.time.steps_per_contact = 25.0;
-  ParticleGroup group;
-  group.material = "grain";
-  group.diameter.kind = SizeDistribution::Kind::uniform;
-  group.diameter.low = 0.8 * d;
-  group.diameter.high = d;
-  group.fill = RandomFill{BoxRegion{{{0, 0, 0}, {4 * d, 4 * d, 7.9 * d}}}, {}, 128};
-  s.particles = {group};
-  add_plane(s, "floor", {0, 0, 0}, {0, 0, 1});
   add_plane(s, "lid", {0, 0, 8 * d}, {0, 0, -1});
   WallMotion down;
   down.places = {{0.0, 0, 0, 0}, {far / speed, 0, 0, -far}, {2 * far / speed, 0, 0, 0}};
   s.walls[1].motion = {down};
-  Probe contacts;
-  contacts.kind = Probe::Kind::contacts;
-  contacts.name = "contacts";
-  contacts.interval = 1.0;
-  Probe force;
-  force.kind = Probe::Kind::wall_force;
-  force.name = "lid_force";
-  force.wall = "lid";
-  force.interval = 1.0;
-  s.output.probes = {contacts, force};
+  add_probe(s, Probe::Kind::contacts, "contacts");
+  add_probe(s, Probe::Kind::wall_force, "lid_force", "lid");
   return s;
 }
 
