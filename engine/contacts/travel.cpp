@@ -128,9 +128,10 @@ Travelled TravelWatch::measure(const Particles& particles, const Cells& cells, d
   Travelled travelled;
   travelled.furthest = std::sqrt(most.furthest);
   travelled.border = std::sqrt(most.border);
-  // Grains of blocks that are no neighbours, or outside and far inside of the border, are two cells apart, and reach no further than
-  // one less the skin: they meet at the earliest when each has come half a cell and half a skin.
-  travelled.nearer = std::max(0.5 * std::sqrt(most.difference), travelled.furthest * skin / cells.reach());
+  // Grains of blocks that are no neighbours, and those inside of the border and of other ranks, are two cells apart, and reach less far than
+  // one: none of them meet before one has come half a cell. (Boxes may be wider than the grains in them have come.)
+  travelled.nearer = std::max(std::min(0.5 * std::sqrt(most.difference), travelled.furthest),
+                              travelled.furthest * skin / cells.reach());
   return travelled;
 }
 
