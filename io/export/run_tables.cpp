@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "io/checkpoint/durable_file.hpp"
@@ -48,7 +49,8 @@ TableColumn column_of(const std::string& header) {
   const bool has_unit = bracket != std::string::npos && header.back() == ']';
   column.name = has_unit ? header.substr(0, bracket) : header;
   if (has_unit) column.unit = header.substr(bracket + 2, header.size() - bracket - 3);
-  if (!has_unit && column.name.find(" / ") != std::string::npos) column.unit = "-";  // a ratio, beside counts
+  if (!has_unit && (column.name.find(" / ") != std::string::npos || column.name == "work over mean"))
+    column.unit = "-";  // a ratio, beside counts
   column.quantity = column.name;
   const std::size_t at = column.name.rfind(" at ");
   if (at == std::string::npos || column.name.size() < at + 8 || !column.name.ends_with(" m")) return column;
@@ -59,6 +61,34 @@ TableColumn column_of(const std::string& header) {
   column.axis = std::string(1, axis);
   column.place = place;
   return column;
+}
+
+/// Of a table with a row for each rank at a time, one with a row a time: mean and largest of the ranks. Which rank a row is of, and
+/// its node, are no quantities.
+RunTable over_ranks(const RunTable& table) {
+  RunTable merged;
+  merged.name = table.name;
+  std::vector<std::size_t> starts;  // rows at which another time begins
+  for (std::size_t row = 0; row < table.time.size(); ++row)
+    if (row == 0 || table.time[row] != table.time[row - 1]) starts.push_back(row);
+  for (const std::size_t row : starts) merged.time.push_back(table.time[row]);
+  const bool has_several = starts.size() < table.time.size();
+  starts.push_back(table.time.size());
+  for (const TableColumn& column : table.columns) {
+    if (column.name == "rank" || column.name == "node") continue;
+    TableColumn mean = column, largest = column;
+    mean.values.clear(), largest.values.clear();
+    for (std::size_t k = 0; k + 1 < starts.size(); ++k) {
+      const auto begin = column.values.begin() + static_cast<std::ptrdiff_t>(starts[k]);
+      const auto end = column.values.begin() + static_cast<std::ptrdiff_t>(starts[k + 1]);
+      mean.values.push_back(std::accumulate(begin, end, 0.0) / static_cast<double>(end - begin));
+      largest.values.push_back(*std::max_element(begin, end));
+    }
+    if (has_several) mean.name += ", mean", largest.name += ", largest";
+    merged.columns.push_back(std::move(mean));
+    if (has_several) merged.columns.push_back(std::move(largest));
+  }
+  return merged;
 }
 
 RunTable read_table(const fs::path& file) {
@@ -86,7 +116,9 @@ RunTable read_table(const fs::path& file) {
   std::erase_if(table.columns, [](const TableColumn& column) {
     return std::none_of(column.values.begin(), column.values.end(), [](double v) { return std::isfinite(v); });
   });
-  return table;
+  const bool has_ranks = std::any_of(table.columns.begin(), table.columns.end(),
+                                     [](const TableColumn& column) { return column.name == "rank"; });
+  return has_ranks ? over_ranks(table) : table;
 }
 
 }  // namespace

@@ -25,7 +25,7 @@ struct RunTable {
 };
 
 /// The tables of a run directory (NAME.csv with a column "time [s]" and numbers), in order of name, but what is about the
-/// machine (balance) last. Columns that are not numbers are left out, and tables of nothing else. Throws StorageError.
+/// machine (balance) last; of tables with a row a rank, mean and largest of the ranks. Columns that are not numbers are left out, and tables of nothing else. Throws StorageError.
 std::vector<RunTable> read_run_tables(const std::filesystem::path& directory);
 
 /// Columns that belong in one picture: of one unit, and either all of one quantity at several places or none with a place.

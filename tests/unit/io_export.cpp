@@ -323,6 +323,27 @@ TEST_CASE("time series are read back, profiles apart from the rest") {
   CHECK(groups[2].columns == std::vector<std::size_t>{2, 3});
 }
 
+TEST_CASE("a table with a row for each rank is read as mean and largest of the ranks, and comes last") {
+  const TemporaryDirectory directory;
+  write_file(directory.path() / "balance.csv",
+             "step,time [s],rank,node,pairs,work over mean,waited [s]\n"
+             "10,0.5,0,0,100,0.5,1\n10,0.5,1,0,300,1.5,3\n20,1.0,0,0,50,1,2\n20,1.0,1,0,50,1,4\n");
+  write_file(directory.path() / "mass.csv", "step,time [s],born\n0,0,1\n1,1,2\n");
+  const std::vector<RunTable> tables = read_run_tables(directory.path());
+  REQUIRE(tables.size() == 2);
+  const RunTable& balance = tables[1];
+  CHECK(balance.time == std::vector<double>{0.5, 1.0});
+  REQUIRE(balance.columns.size() == 6);
+  CHECK(balance.columns[0].name == "pairs, mean");
+  CHECK(balance.columns[0].values == std::vector<double>{200.0, 50.0});
+  CHECK(balance.columns[1].values == std::vector<double>{300.0, 50.0});
+  CHECK(balance.columns[3].unit == "-");
+  CHECK(balance.columns[5].values == std::vector<double>{3.0, 4.0});
+  write_file(directory.path() / "balance.csv", "step,time [s],rank,node,pairs\n10,0.5,0,0,100\n20,1.0,0,0,50\n");
+  REQUIRE(read_run_tables(directory.path())[1].columns.size() == 1);
+  CHECK(read_run_tables(directory.path())[1].columns[0].name == "pairs");
+}
+
 TEST_CASE("a slice of the gas has the cells of the middle layer, and unknown quantities are named") {
   Image image = make_image(3);
   add_gas(image, {3, 4, 5});
