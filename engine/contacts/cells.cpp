@@ -183,18 +183,6 @@ void Cells::sort(const Centres& centres, const Box& domain, const std::array<boo
   }
 }
 
-/// Calls f(grains) for the pieces of a row of cells, from `first` to `last` along the fast axis: one in each column.
-template <typename Function>
-void Cells::for_each_piece(int slow, int middle, int first, int last, Function f) const {
-  while (first <= last) {
-    const Strip& strip = strips_[1][static_cast<std::size_t>(first)];
-    const int stop = std::min(last, strip.begin + strip.width - 1);
-    const auto begin = static_cast<std::size_t>(index_of(slow, middle, first));
-    f(Range{cell_begin_[begin], cell_begin_[begin + static_cast<std::size_t>(stop - first) + 1]});
-    first = stop + 1;
-  }
-}
-
 int Cells::runs_after(std::int32_t i, Vec3 position, Run* runs) const {
   const int n_slow = counts_[0], n_middle = counts_[1], n_fast = counts_[2];
   const auto [slow, middle, fast] = cell_of(position);

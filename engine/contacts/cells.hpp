@@ -1,6 +1,7 @@
 // Cells at least as wide as two grains can be apart and still be a pair, and the order of the grains along them.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <vector>
@@ -92,6 +93,19 @@ class Cells {
   /// Number of cells along the slow, middle and fast axis.
   const std::array<int, 3>& counts() const { return counts_; }
   int n_columns() const { return n_columns_; }
+  /// True where the grains at one end of that axis, by role, see those at the other.
+  const std::array<bool, 3>& wraps() const { return wraps_; }
+  /// Calls f(grains) for the pieces of a row of cells, from `first` to `last` along the fast axis: one in each column.
+  template <typename Function>
+  void for_each_piece(int slow, int middle, int first, int last, Function f) const {
+    while (first <= last) {
+      const Strip& strip = strips_[1][static_cast<std::size_t>(first)];
+      const int stop = std::min(last, strip.begin + strip.width - 1);
+      const auto begin = static_cast<std::size_t>(index_of(slow, middle, first));
+      f(Range{cell_begin_[begin], cell_begin_[begin + static_cast<std::size_t>(stop - first) + 1]});
+      first = stop + 1;
+    }
+  }
   /// Grains that are near each other within one column are no further apart in sorted order.
   std::int32_t furthest_in_column() const { return furthest_in_column_; }
   std::size_t memory() const;
@@ -118,8 +132,6 @@ class Cells {
   }
   void lay_out(const Centres& centres, const Box& domain, int n_threads);
   std::vector<std::int32_t> layer_cells() const;
-  template <typename Function>
-  void for_each_piece(int slow, int middle, int first, int last, Function f) const;
 
   std::array<int, 3> axes_{0, 1, 2};  // which axis is slow, middle, fast
   std::array<int, 3> counts_{1, 1, 1};

@@ -80,6 +80,7 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
 }
 
 void Contacts::rebuild(Particles& particles, double skin, double time, int n_threads, const Births& births) {
+  travel_.forget();
   if (!set_aside_) refresh(particles);  // pairs are carried over by the images in which they are now
   std::vector<std::uint8_t> is_leaving = leaving_grains(world_, subdomains_, particles);
   PairCarry pairs;
@@ -141,6 +142,22 @@ void Contacts::build(Particles& particles, PairCarry& pairs, WallCarry& walls, s
   pairs_.build(particles, cells_, grids, ghosts_.copies(), image_shift_, skin, needs_, cells_.order(), pairs,
                n_threads);
   wall_contacts_.build(particles, pairs_, skin, time, cells_.order(), walls, n_threads);
+  skin_ = skin;
+  travel_.begin(particles, where_none_meets_others(2.0 * cells_.reach()), n_threads);
+}
+
+/// This rank's box without what is nearer than `distance` [m] to faces that others are behind.
+Box Contacts::where_none_meets_others(double distance) const {
+  Box box = subdomains_.box(world_.rank());
+  for (int axis = 0; axis < 3; ++axis) {
+    if (subdomains_.spans(world_.rank(), axis)) {
+      box.low[axis] = -infinity;
+      box.high[axis] = infinity;
+    }
+    box.low[axis] += distance;  // outer faces that are not periodic lie at infinity
+    box.high[axis] -= distance;
+  }
+  return box;
 }
 
 void Contacts::refresh(Particles& particles) {

@@ -15,6 +15,7 @@
 #include "engine/contacts/law_table.hpp"
 #include "engine/contacts/pair_list.hpp"
 #include "engine/contacts/size_classes.hpp"
+#include "engine/contacts/travel.hpp"
 #include "engine/contacts/wall_contacts.hpp"
 #include "engine/particles/particles.hpp"
 #include "engine/scene/scene.hpp"
@@ -90,6 +91,7 @@ class Contacts {
   void release_index() {
     pairs_.release_index();
     cells_ = Cells();
+    travel_.forget();
   }
   void give_back(PairCarry pairs) { set_aside_->pairs = std::move(pairs); }
   bool are_set_aside() const { return set_aside_.has_value(); }
@@ -103,7 +105,7 @@ class Contacts {
   void refresh(Particles& particles);
 
   /// Contact forces at the present positions, then kick and drift of all grains. `result.outside` and the rest are overwritten. Ghosts
-  /// are refreshed meanwhile, where they are not. `travelled` [m]: no grain of this rank has moved further since the rebuild.
+  /// are refreshed meanwhile, where they are not. `travelled` [m]: a bound of travelled().of_pairs().
   /// `counted`: the share of this step's work that goes to wall_sums().
   void advance(Particles& particles, const Kick& kick, double dt, double travelled, int n_threads, StepResult& result,
                double counted = 1.0);
@@ -129,8 +131,17 @@ class Contacts {
   };
   Velocities velocities_now(Particles& particles, const Kick& half_kick, double dt, int n_threads);
 
+  /// How far this rank's grains have come since the rebuild, and how much nearer to each other.
+  Travelled travelled(const Particles& particles, int n_threads) {
+    return sizes_.size() > 1 ? travel_.measure(particles, n_threads)
+                             : travel_.measure(particles, cells_, skin_, n_threads);
+  }
+
   /// Grain i has crossed periodic faces (see PairList::shift_images).
-  void shift_images(std::int32_t i, const std::array<int, 3>& steps) { pairs_.shift_images(i, steps); }
+  void shift_images(std::int32_t i, const std::array<int, 3>& steps) {
+    pairs_.shift_images(i, steps);
+    travel_.follow(i, {steps[0] * domain_.size().x, steps[1] * domain_.size().y, steps[2] * domain_.size().z});
+  }
   /// Grain i has left: its contacts are forgotten, and the energy that their springs held counts as gone.
   void clear_memory(const Particles& particles, std::int32_t i) {
     pairs_.clear_memory(particles, i, energy_left_);
@@ -173,7 +184,9 @@ class Contacts {
   void tell(const HaloNews& own) { ghosts_.tell(own); }
   /// Grains that this rank has handed to others since the start.
   std::uint64_t n_migrated() const { return n_migrated_; }
-  std::size_t memory() const { return pairs_.memory() + wall_contacts_.memory() + cells_.memory() + ghosts_.memory(); }
+  std::size_t memory() const {
+    return pairs_.memory() + wall_contacts_.memory() + cells_.memory() + ghosts_.memory() + travel_.memory();
+  }
   const LawChoice& choice() const { return choice_; }
   const SceneLaws& laws() const { return laws_; }
 
@@ -181,6 +194,7 @@ class Contacts {
   void build(Particles& particles, PairCarry& pairs, WallCarry& walls, std::span<const std::uint8_t> is_leaving,
              double skin, double time, int n_threads);
   void finish_refresh(Particles& particles);
+  Box where_none_meets_others(double distance) const;
   void take_in(Particles& particles, const Births& births, PairCarry& pairs, std::vector<std::uint8_t>& is_leaving,
                int n_threads) const;
   struct ThreadStep;
@@ -214,6 +228,8 @@ class Contacts {
   World world_;
   Subdomains subdomains_;
   Cells cells_;
+  double skin_ = 0.0;  // [m] of the list
+  TravelWatch travel_;
   Ghosts ghosts_;
   PairList pairs_;
   WallContacts wall_contacts_;

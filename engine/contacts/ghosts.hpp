@@ -32,7 +32,7 @@ struct HaloCounts {
 struct HaloNews {
   std::uint64_t next_look =
       std::numeric_limits<std::uint64_t>::max();  // step at which it will look at how far all have come
-  double travelled = 0.0;                         // [m] none of its grains is further from where it was at the rebuild
+  double travelled = 0.0;                         // [m] of its grains, a bound of Travelled::of_pairs()
   double max_speed = 0.0;                         // [m/s] of its grains in the last step
 };
 

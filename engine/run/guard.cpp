@@ -177,12 +177,11 @@ std::string explain_start_overlap(const GuardView& view, const ContactReport& co
 std::string explain_stale_list(const GuardView& view, double travelled, double skin, int n_hops) {
   const std::int32_t fastest = fastest_grain(view.particles);
   return head(view) + fmt::format(
-                          "a grain has moved {:.4g} m since the pair list was made, and another so far that they may "
-                          "meet outside its "
-                          "skin of {:.4g} m: within {} it became many times as fast as any had been, before the ranks "
-                          "could agree on "
+                          "two grains may have come nearer to each other by {:.4g} m since the pair list was made, and "
+                          "meet outside its skin of {:.4g} m: within {} one became many times as fast as any had been, "
+                          "before the ranks could agree on "
                           "a new list{}; set run.skin = {:.4g} or wider, or take fewer ranks",
-                          travelled, skin, n_hops == 1 ? std::string("a step") : fmt::format("{} steps", n_hops),
+                          2.0 * travelled, skin, n_hops == 1 ? std::string("a step") : fmt::format("{} steps", n_hops),
                           fastest < 0 ? std::string() : " (the fastest is " + grain_text(view, fastest) + ")",
                           4.0 * travelled);
 }

@@ -32,7 +32,7 @@ std::string explain_speed(const GuardView& view, std::int32_t grain);
 std::string explain_fast_wall(const GuardView& view, double wander, double smallest_radius);
 /// A contact at the start that is deeper than allowed.
 std::string explain_start_overlap(const GuardView& view, const ContactReport& contact);
-/// Some grain has moved by `travelled` [m] before the ranks looked, more than half the skin of the pair list [m].
+/// Two grains may have come nearer to each other by twice `travelled` [m] before the ranks looked: more than the skin of the pair list [m].
 std::string explain_stale_list(const GuardView& view, double travelled, double skin, int n_hops);
 /// Grain outside the domain where there is no outlet.
 std::string explain_outside(const GuardView& view, std::int32_t grain);

@@ -207,7 +207,7 @@ std::vector<double> region(const ProbeView& view, const Probe& probe) {
   const std::vector<double> value = values_of(sums);
   const double n = value[number], share = n > 0.0 ? 1.0 / n : 0.0;
   const Vec3 mean = share * Vec3{value[velocity_x], value[velocity_y], value[velocity_z]};
-  const double temperature = std::max(0.0, share * value[square] - squared_length(mean)) / 3.0;
+  const double temperature = std::max(0.0, share * value[square] - squared_length(mean)) / view.scene.domain.dimensions;
   std::vector<double> row = {
       n, value[volume] / probe.region.volume(), mean.x, mean.y, mean.z, temperature, value[n_ends] * share};
   const std::vector<double> of_species = species_in_region(view, probe);

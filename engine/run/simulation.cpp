@@ -218,10 +218,11 @@ struct Simulation::Parts {
   // Until when the pair list is good.
   double skin = 0.0;        // [m]
   bool is_list_old = true;  // it must be rebuilt, however little has moved
-  double travelled = 0.0;   // [m] no grain has moved further since the rebuild
-  std::vector<Vec3> place_at_rebuild;
-  double next_wall_change = 0.0;  // [s]
-  double wall_speed = 0.0;        // [m/s] no wall ever moves faster
+  double travelled = 0.0;   // [m] no two grains have come nearer to each other than by twice this since the rebuild
+  double travelled_to_walls = 0.0;   // [m] none has come further since the last search for walls
+  bool are_walls_of_rebuild = true;  // no search since the rebuild
+  double next_wall_change = 0.0;     // [s]
+  double wall_speed = 0.0;           // [m/s] no wall ever moves faster
   std::uint64_t n_rebuilds = 0, n_wall_searches = 0, steps_since_rebuild = 0;
   StepResult result;
   StepWatch watch;
@@ -270,8 +271,10 @@ struct Simulation::Parts {
 
   double time() const { return static_cast<double>(step) * dt; }
   double mean_diameter() const { return 10.0 * plan.skin; }  // [m] as the plan has it
-  /// How much nearer walls may come before they must be looked for anew; grains may go as far.
+  /// How much nearer walls may come by themselves before they must be looked for anew, and how far grains may go [m]
+  /// (WallContacts has room for both).
   double allowed_wander() const { return 0.5 * skin * (1.0 - 1e-9); }
+  double allowed_travel_to_walls() const { return skin * (1.0 - 1e-9); }
   double allowed_travel() const { return 0.5 * skin * (1.0 - 1e-9); }
   GuardView guard_view() const {
     return {scene, particles, *contacts, walls, time(), dt, step, plan.time_step.steps_per_contact};
@@ -292,7 +295,9 @@ struct Simulation::Parts {
   void check_neighbours(double travelled_before);
   [[noreturn]] void stop_for_stale_list();
   void divide(Subdomains subdomains);
-  double largest_travel() const;
+  void measure_travel();
+  bool is_rebuild_better(double n_steps) const;
+  bool must_search_walls();
   double largest_push() const;
   void rebuild(const Births& births = {});
   void search_walls();
@@ -440,18 +445,11 @@ void Simulation::Parts::choose_skin() {
   skin = std::min(skin, widest);
 }
 
-double Simulation::Parts::largest_travel() const {
-  std::vector<double> squares(static_cast<std::size_t>(n_threads), 0.0);
-  parallel(n_threads, [&](int thread) {
-    const Range share = share_of(particles.size(), thread, n_threads);
-    double largest = 0.0;
-    for (std::int64_t i = share.begin; i < share.end; ++i) {
-      const double moved = squared_length(particles.position(i) - place_at_rebuild[static_cast<std::size_t>(i)]);
-      if (moved > largest) largest = moved;  // false for grains that have left
-    }
-    squares[static_cast<std::size_t>(thread)] = largest;
-  });
-  return std::sqrt(*std::max_element(squares.begin(), squares.end()));
+/// In place of the bounds, which add up the fastest grain of every step.
+void Simulation::Parts::measure_travel() {
+  const Travelled measured = contacts->travelled(particles, n_threads);
+  travelled = measured.of_pairs();
+  if (are_walls_of_rebuild) travelled_to_walls = measured.furthest;
 }
 
 /// The largest acceleration that the gas gives a grain, or the body force has given it in the last step [m/s2].
@@ -488,27 +486,43 @@ void Simulation::Parts::advance_gas() {
 
 StepPlan Simulation::Parts::decide() {
   StepPlan todo;
-  todo.search_walls = walls.is_any_moving() && walls.wander() > allowed_wander();
   todo.rebuild = is_list_old || time() >= next_wall_change;
   if (todo.rebuild) return todo;
-  if (!world.is_alone()) next_look = std::min(next_look, contacts->ghosts().own().next_look);  // others may have called
-  const bool looks = world.is_alone() ? travelled > allowed_travel() : step >= next_look;
-  if (looks) start(Phase::look);
-  if (!world.is_alone()) {
-    if (looks) {
+  if (world.is_alone()) {
+    if (travelled > allowed_travel()) {
+      start(Phase::look);
+      measure_travel();
+      const double left = 0.95 * allowed_travel() - travelled;
+      todo.rebuild = !(left > 0.0) || is_rebuild_better(left / (result.max_speed * dt));
+    }
+  } else {
+    next_look = std::min(next_look, contacts->ghosts().own().next_look);  // others may have called
+    if (step >= next_look) {
+      start(Phase::look);
       n_early_looks += step < agreed_look ? 1 : 0;
       todo.rebuild = look();
     } else {
       foresee();
-      // Candidates are good for grains within half the skin.
-      todo.search_walls = todo.search_walls || (walls.is_any_moving() && travelled > allowed_travel());
     }
-  } else if (looks) {
-    // The bound adds up the fastest grain of every step; where it is used up, look how far the grains have really come.
-    travelled = largest_travel();
-    todo.rebuild = travelled > 0.95 * allowed_travel();
   }
+  todo.search_walls = !todo.rebuild && must_search_walls();
   return todo;
+}
+
+/// True where a look would gain no more than so many steps, few beside those since the rebuild.
+bool Simulation::Parts::is_rebuild_better(double n_steps) const {
+  return n_steps < std::max(1.0, 0.125 * static_cast<double>(steps_since_rebuild));
+}
+
+/// Candidates are good until walls or grains have used up the room that they were given.
+bool Simulation::Parts::must_search_walls() {
+  if (walls.is_any_moving() && walls.wander() > allowed_wander()) return true;
+  if (walls.surfaces().empty() || travelled_to_walls <= allowed_travel_to_walls()) return false;
+  if (are_walls_of_rebuild) {
+    start(Phase::look);
+    measure_travel();
+  }
+  return travelled_to_walls > allowed_travel_to_walls();
 }
 
 /// How much faster than the fastest grain one may become in a collision: two of the same mass, both at that speed, can give all their energy
@@ -523,7 +537,7 @@ double Simulation::Parts::speed_gain() const {
 /// a wall has come or gone. Where a look would gain little, the rebuild comes at once.
 bool Simulation::Parts::look() {
   ++n_looks;
-  travelled = largest_travel();
+  measure_travel();
   std::array<double, 5> most = {travelled, result.max_speed, is_stop_wanted ? 1.0 : 0.0, largest_push(),
                                 watch.fastest()};
   world.max(most);
@@ -536,7 +550,7 @@ bool Simulation::Parts::look() {
   const double g = pull * dt * dt, v = speed_gain() * (most[1] + wall_speed) * dt + 0.5 * g;
   const double reach =
       std::floor(2.0 * left / (v + std::sqrt(v * v + 2.0 * g * left)));  // infinite where nothing moves
-  if (reach < std::max(1.0, 0.125 * static_cast<double>(steps_since_rebuild))) return true;
+  if (is_rebuild_better(reach)) return true;
   const double furthest = body_force ? 1.0
                           : gas      ? std::min<double>(64.0, static_cast<double>(gas->until_next(step)))
                                      : 64.0;
@@ -570,29 +584,22 @@ void Simulation::Parts::foresee() {
   const bool is_asked =
       theirs + margin > allowed_travel() && travelled + theirs + 2.0 * margin > 2.0 * allowed_travel();
   if (is_time() || is_asked || travelled > allowed_travel()) {
-    travelled = largest_travel();
+    measure_travel();
     if (is_time()) next_look = earliest;
     check_travel();
   }
   tell();
 }
 
-/// A grain further than half the skin from its place at the rebuild still meets nobody who is not in the list, as long as no
-/// other has come further than the rest of the skin.
+/// A grain of the border further than half the skin from its place at the rebuild still meets nobody who is not in the list, as long as no
+/// grain of another rank has come further than the rest of the skin (check_neighbours), and all who have such grains say so.
 void Simulation::Parts::check_travel() {
   if (travelled <= allowed_travel()) return;
-  double first = 0.0, second = 0.0;
-  for (std::int32_t i = 0; i < particles.size(); ++i) {
-    const double moved = squared_length(particles.position(i) - place_at_rebuild[static_cast<std::size_t>(i)]);
-    if (!(moved > second)) continue;  // also grains that have left
-    second = std::min(moved, first);
-    first = std::max(moved, first);
-  }
-  if (std::sqrt(first) + std::sqrt(second) <= 2.0 * allowed_travel() && contacts->ghosts().hears_all_near()) return;
+  const Travelled measured = contacts->travelled(particles, n_threads);
+  if (measured.nearer <= allowed_travel() && contacts->ghosts().hears_all_near()) return;
   stop_for_stale_list();
 }
 
-/// Other ranks' grains count as well; what they say of them comes with the messages of the step.
 void Simulation::Parts::check_neighbours(double travelled_before) {
   const double heard = contacts->ghosts().heard().travelled;
   const bool is_mine = travelled_before > allowed_travel() && travelled_before >= heard;  // one rank speaks
@@ -613,7 +620,6 @@ void Simulation::Parts::rebuild(const Births& births) {
   const double before = n_rebuilds > 1 ? stopwatch.seconds(Phase::rebuild) / static_cast<double>(n_rebuilds - 1) : 0.0;
   const double begin = threads::now();
   const bool is_cut = balance();
-  place_at_rebuild = {};
   contacts->rebuild(particles, skin, time(), n_threads, births);
   after_rebuild();
   if (is_cut) balancer.note_cut(step, threads::now() - begin - before);
@@ -625,6 +631,8 @@ void Simulation::Parts::search_walls() {
   ++n_wall_searches;
   contacts->search_walls(particles, skin, time(), n_threads);
   walls.mark();
+  travelled_to_walls = 0.0;
+  are_walls_of_rebuild = false;
 }
 
 /// To the time of the grains' new positions. Servos go by what the grains did to them in this step.
@@ -684,17 +692,12 @@ void Simulation::Parts::compare_scripts() const {
 void Simulation::Parts::after_rebuild() {
   walls.mark();
   is_list_old = false;
-  travelled = 0.0;
+  travelled = travelled_to_walls = 0.0;
+  are_walls_of_rebuild = true;
   steps_since_rebuild = 0;
   n_left_at_rebuild = census.n_left();
   if (time() >= next_wall_change) last_surprise = step;
   next_wall_change = walls.next_change(time());
-  place_at_rebuild.resize(static_cast<std::size_t>(particles.size()));
-  parallel(n_threads, [&](int thread) {
-    const Range share = share_of(particles.size(), thread, n_threads);
-    for (std::int64_t i = share.begin; i < share.end; ++i)
-      place_at_rebuild[static_cast<std::size_t>(i)] = particles.position(i);
-  });
   if (world.is_alone()) return;
   compare_scripts();
   if (look()) look_at(step + 1);  // they are that fast
@@ -735,6 +738,7 @@ void Simulation::Parts::advance() {
   if (!force_maps.empty()) force_maps.add(contacts->triangle_forces());
   if (!world.is_alone()) check_neighbours(travelled);
   travelled += result.max_speed * dt;
+  travelled_to_walls += result.max_speed * dt;
   if (world.is_alone()) return;
   const double fastest = std::max(result.max_speed, contacts->ghosts().heard().max_speed) + wall_speed;
   speed_gained = std::max(0.0, fastest - std::exchange(fastest_nearby, fastest));
@@ -839,7 +843,6 @@ void Simulation::Parts::cross_faces() {
       // rounding may put a grain just outside one face onto, or just outside, the other
       if (wrapped >= box.high[axis] || wrapped < box.low[axis]) wrapped = box.low[axis];
       particles.set_real(Field::position, i, axis, wrapped);
-      place_at_rebuild[static_cast<std::size_t>(i)][axis] += by * period;
     }
     if (steps[0] || steps[1] || steps[2]) contacts->shift_images(i, steps);
     if (const int outlet = outlet_of(i); outlet >= 0)
@@ -929,7 +932,6 @@ void Simulation::Parts::take_memory(Image& image) {
     return;
   }
   is_list_old = true;
-  std::vector<Vec3>().swap(place_at_rebuild);
   contacts->release_index();
   trim_heap();
   gather_memory(particles, *contacts, image);
@@ -1238,8 +1240,7 @@ std::uint64_t Simulation::n_early_looks() const { return parts_->n_early_looks; 
 std::vector<std::string> Simulation::take_notes() { return std::exchange(parts_->notes, {}); }
 double Simulation::memory() const {
   const Parts& p = *parts_;
-  return static_cast<double>(p.particles.memory() + p.contacts->memory() +
-                             p.place_at_rebuild.capacity() * sizeof(Vec3) + (p.gas ? p.gas->memory() : 0) +
+  return static_cast<double>(p.particles.memory() + p.contacts->memory() + (p.gas ? p.gas->memory() : 0) +
                              p.memory_of_probes());
 }
 std::vector<PhaseTime> Simulation::phases() const {

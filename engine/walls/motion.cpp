@@ -229,7 +229,7 @@ double fastest_wall(const Scene& scene) {
 }
 
 double next_speed(const WallMotion& servo, double speed, double push, double dt) {
-  // m v' = (wanted - push) - v / gain, the resistance taken at the end of the step: stable for any mass, and for none
+  // m v' = (push - wanted) - v / gain, the resistance taken at the end of the step: stable for any mass, and for none
   // speed = gain * what is missing.
   const double missing = push - servo.force.value_or(servo.torque.value_or(0.0));
   const double next = (servo.mass * speed + dt * missing) / (servo.mass + dt / servo.gain);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <type_traits>
 #include <vector>
 
 #include "io/checkpoint/image_file.hpp"
@@ -25,12 +26,13 @@ std::string with_unit(const std::string& name, std::string_view unit) {
   return unit.empty() ? name : fmt::format("{} [{}]", name, unit);
 }
 
-std::string zone_text(const std::string& title, const Image& image, const std::array<int, 3>& n,
+/// A file of one zone; `shape` is what the zone's header says of its points.
+std::string zone_text(const std::string& title, const Image& image, const std::string& shape,
                       const std::vector<Variable>& variables) {
   std::string text = fmt::format("TITLE = \"{}\"\nVARIABLES =", title);
   for (const Variable& variable : variables) text += fmt::format(" \"{}\"", variable.name);
-  text += fmt::format("\nZONE T=\"{} {:.9g} s\", I={}, J={}, K={}, DATAPACKING=POINT, STRANDID=1, SOLUTIONTIME={}\n",
-                      title, image.time, n[0], n[1], n[2], image.time);
+  text += fmt::format("\nZONE T=\"{} {:.9g} s\", {}, DATAPACKING=POINT, STRANDID=1, SOLUTIONTIME={}\n", title,
+                      image.time, shape, image.time);
   const std::size_t n_points = variables[0].values.size();
   for (std::size_t i = 0; i < n_points; ++i)
     for (std::size_t k = 0; k < variables.size(); ++k)
@@ -69,7 +71,14 @@ std::string tecplot_grains(const Image& image) {
   add_field(variables, *positions);
   for (const FieldArray& array : image.fields)
     if (array.field != Field::position) add_field(variables, array);
-  return zone_text("grains", image, {static_cast<int>(image.n_grains), 1, 1}, variables);
+  const auto n = image.n_grains;
+  if (n == 0) return zone_text("grains", image, "I=0, J=1, K=1", variables);
+  // Tecplot would take an ordered zone along one line as well, but VTK's reader leaves such zones out.
+  std::string text =
+      zone_text("grains", image, fmt::format("NODES={}, ELEMENTS={}, ZONETYPE=FETRIANGLE", n, n), variables);
+  for (std::remove_const_t<decltype(n)> i = 1; i <= n; ++i)
+    fmt::format_to(std::back_inserter(text), "{0} {0} {0}\n", i);
+  return text;
 }
 
 std::string tecplot_gas(const Image& image) {
@@ -88,7 +97,7 @@ std::string tecplot_gas(const Image& image) {
         }
   for (const GridArray& array : image.grids)
     if (array.n == n) variables.push_back({with_unit(array.name, array.unit), array.values});
-  return zone_text("gas", image, n, variables);
+  return zone_text("gas", image, fmt::format("I={}, J={}, K={}", n[0], n[1], n[2]), variables);
 }
 
 }  // namespace moraine

@@ -29,6 +29,30 @@ class Readme(unittest.TestCase):
         with open(os.path.join(ROOT, "examples", "coming_from.md"), encoding="utf-8") as page:
             self.check_scene_of(page.read())
 
+    def test_the_page_for_those_who_come_from_other_codes_shows_the_files_that_were_run(self):
+        with open(os.path.join(ROOT, "examples", "coming_from.md"), encoding="utf-8") as page:
+            shown = re.findall(r"```\w*\n(.*?)```", page.read(), re.DOTALL)
+        self.assertEqual(len(shown), 5)
+        for name, text in zip(("scene.toml", "liggghts_box.in", "mfix_box.mfx", "yade_box.py", "esys_box.py"), shown):
+            with open(os.path.join(ROOT, "examples", "coming_from", name), encoding="utf-8") as file:
+                self.assertEqual(file.read(), text, name)
+
+    def test_the_scene_for_those_who_come_from_other_codes_settles_as_the_page_says(self):
+        with open(os.path.join(ROOT, "examples", "coming_from.md"), encoding="utf-8") as page:
+            height = float(re.search(r"^\| Moraine \|(?: [\d.]+ \|){3} ([\d.]+) \|", page.read(), re.MULTILINE).group(1))
+        with tempfile.TemporaryDirectory() as folder:
+            out = os.path.join(folder, "run")
+            code, output = run(PROGRAM, "run", os.path.join(ROOT, "examples", "coming_from", "scene.toml"), "--out", out, "--set", "time.end=0.2")
+            self.assertEqual(code, 0, output)
+            self.assertIn("1865 born, 1865 inside, 0 left", output)
+            code, output = run(PROGRAM, "export", out, "--csv")
+            self.assertEqual(code, 0, output)
+            last = max(name for name in os.listdir(os.path.join(out, "csv")) if name.startswith("grains_"))
+            with open(os.path.join(out, "csv", last), encoding="utf-8") as table:
+                names, *rows = [line.rstrip("\n").split(",") for line in table]
+        heights = [float(row[names.index("position.z [m]")]) for row in rows]
+        self.assertAlmostEqual(1000 * sum(heights) / len(heights), height, delta=0.05)
+
     def check_scene_of(self, page):
         scenes = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
         self.assertEqual(len(scenes), 1)

@@ -224,6 +224,34 @@ TEST_CASE("a homogeneous gas has the granular temperature and the kinetic pressu
   CHECK(temperature == Approx(0.36).margin(4.0 * 0.36 * std::sqrt(2.0 / (3.0 * n))));
 }
 
+TEST_CASE("granular temperature is shared among the dimensions that there are, of all grains and of one material alike",
+          "[fields]") {
+  for (const int dimensions : {2, 3}) {
+    Scene scene = scenes::gas();
+    scene.output.probes.clear();
+    scene.domain.dimensions = dimensions;
+    if (dimensions == 2) {
+      scene.domain.high.z = 0.02;
+      scene.domain.periodic[2] = false;
+      scene.particles = {scenes::lattice(scene.domain.box(), 0.017)};
+      scene.particles[0].velocity_deviation = 0.6;
+    }
+    scenes::add_probe(scene, Probe::Kind::region, "region");
+    scene.output.probes[0].by_material = true;
+    Simulation run(scene, 1);
+    const State state = state_of(run);
+    Vec3 mean;
+    const double n = static_cast<double>(state.velocity.size());
+    for (const Vec3 v : state.velocity) mean += v / n;
+    double square = 0.0;
+    for (const Vec3 v : state.velocity) square += squared_length(v - mean) / n;
+    const std::vector<double> row = run.probe_row(0);
+    REQUIRE(row.size() == 7 + 10);
+    CHECK(row[5] == Approx(square / dimensions).epsilon(1e-10));
+    CHECK(row[7 + 6] == Approx(square / dimensions).epsilon(1e-10));
+  }
+}
+
 TEST_CASE("the forces on the triangles of a mesh add up to the force on the wall", "[fields]") {
   Scene scene = scenes::hopper(1.0);
   scene.output.probes.clear();

@@ -161,30 +161,19 @@ class Exports(unittest.TestCase):
         reader.Update()
         return reader.GetOutput().GetBlock(0)
 
-    def check_tecplot_grains(self, file, snapshot):
-        """Tecplot wants scattered points as an ordered zone along I, which VTK's reader leaves out: it gets the same file with one line changed."""
-        lines = file.read_text().splitlines()
-        lines[2] = f'ZONE T="grains", N={snapshot.attrs["grains"]}, E=0, ET=POINT, F=FEPOINT'
-        copy = FOLDER / "points.dat"
-        copy.write_text("\n".join(lines) + "\n")
-        grains = self.read_tecplot(copy)
-        np.testing.assert_allclose(vtk_to_numpy(grains.GetPoints().GetData()), snapshot["particles/position"][:], rtol=1e-6)
-        data = {grains.GetPointData().GetArrayName(k): vtk_to_numpy(grains.GetPointData().GetArray(k)) for k in range(grains.GetPointData().GetNumberOfArrays())}
-        for name, column in ("radius [m]", "radius"), ("gid", "gid"):
-            np.testing.assert_allclose(data[name], snapshot[f"particles/{column}"][:], rtol=1e-6)
-        np.testing.assert_allclose(data["velocity_z [m_s]"], snapshot["particles/velocity"][:, 2], rtol=1e-6)
-
-    def test_tecplot_s_reader_finds_the_gas_and_the_grains_are_a_zone_of_points(self):
-        # VTK's reader has no zones along one line only, as Tecplot wants scattered points
+    def test_tecplot_s_reader_finds_grains_and_gas(self):
         for step, snapshot, out in self.each_frame("tecplot", ".dat"):
-            lines = (out / f"grains_{step}.dat").read_text().splitlines()
-            self.assertIn("I=300, J=1, K=1", lines[2])
-            names = re.findall(r'"([^"]*)"', lines[1])
-            rows = np.loadtxt(lines[3:])
+            rows = np.loadtxt((out / f"grains_{step}.dat").read_text().splitlines()[3:303])
             np.testing.assert_array_equal(rows[:, :3], snapshot["particles/position"][:])
-            np.testing.assert_array_equal(rows[:, names.index("radius [m]")], snapshot["particles/radius"][:])
-            np.testing.assert_array_equal(rows[:, names.index("velocity_z [m/s]")], snapshot["particles/velocity"][:, 2])
-            self.check_tecplot_grains(out / f"grains_{step}.dat", snapshot)
+            grains = self.read_tecplot(out / f"grains_{step}.dat")
+            self.assertEqual([grains.GetNumberOfPoints(), grains.GetNumberOfCells()], [300, 300])
+            np.testing.assert_allclose(vtk_to_numpy(grains.GetPoints().GetData()), snapshot["particles/position"][:], rtol=1e-6)
+            data = {grains.GetPointData().GetArrayName(k): vtk_to_numpy(grains.GetPointData().GetArray(k))
+                    for k in range(grains.GetPointData().GetNumberOfArrays())}
+            for name, column in ("radius [m]", "radius"), ("gid", "gid"), ("material", "material"):
+                np.testing.assert_allclose(data[name], snapshot[f"particles/{column}"][:], rtol=1e-6)
+            for k, axis in enumerate("xyz"):
+                np.testing.assert_allclose(data[f"velocity_{axis} [m_s]"], snapshot["particles/velocity"][:, k], rtol=1e-6)
             gas = self.read_tecplot(out / f"gas_{step}.dat")
             self.assertEqual(gas.GetDimensions(), (5, 4, 10))
             void = next(name for name in (gas.GetPointData().GetArrayName(k) for k in range(gas.GetPointData().GetNumberOfArrays()))

@@ -386,9 +386,11 @@ TEST_CASE("no spectrum is made of few values, of gaps, or of what is no number")
 
 TEST_CASE("Tecplot files have a zone with every grain") {
   const std::vector<std::string> lines = split(tecplot_grains(make_image(7)), '\n');
-  REQUIRE(lines.size() == 3 + 7);
+  REQUIRE(lines.size() == 3 + 7 + 7);
   CHECK(lines[1].find("\"X\" \"Y\" \"Z\"") != std::string::npos);
-  CHECK(lines[2].find("I=7, J=1, K=1, DATAPACKING=POINT") != std::string::npos);
+  CHECK(lines[2].find("NODES=7, ELEMENTS=7, ZONETYPE=FETRIANGLE, DATAPACKING=POINT") != std::string::npos);
+  CHECK(lines[3 + 7 + 6] == "7 7 7");
+  CHECK(split(tecplot_grains(make_image(0)), '\n').size() == 3);
 }
 
 TEST_CASE("a page can be made of one snapshot, of no grains, and not of an unknown field") {
