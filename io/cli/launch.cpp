@@ -18,6 +18,7 @@
 #include "engine/run/plan.hpp"
 #include "io/cli/child.hpp"
 #include "io/cli/interrupt.hpp"
+#include "io/cli/limits.hpp"
 #include "io/cli/programs.hpp"
 #include "io/cli/terminal.hpp"
 
@@ -89,10 +90,33 @@ void set_environment(bool crowded) {
   _exit(1);
 }
 
+/// How long ranks may take to find each other [s]; where the environment has MORAINE_START_PATIENCE, that. Throws UsageError.
+double start_patience() {
+  constexpr double usual = 600.0;
+  const char* const given = std::getenv("MORAINE_START_PATIENCE");
+  if (given == nullptr) return usual;
+  char* end = nullptr;
+  const double seconds = std::strtod(given, &end);
+  if (end == given || *end != '\0' || !(seconds > 0.0))
+    throw UsageError(fmt::format("MORAINE_START_PATIENCE=\"{}\" is not a number of seconds, such as 600", given));
+  return seconds;
+}
+
+/// True where the system does not tell, too.
+bool has_children(pid_t process) {
+  std::error_code error;
+  for (const fs::directory_entry& thread : fs::directory_iterator(fmt::format("/proc/{}/task", process), error)) {
+    std::ifstream file(thread.path() / "children");
+    std::string first;
+    if (!file || file >> first) return true;
+  }
+  return error.value() != 0;
+}
+
 /// mpirun while it runs.
 class Job {
  public:
-  explicit Job(const std::vector<std::string>& words) {
+  Job(const std::vector<std::string>& words, double patience) : patience_(patience) {
     if (pipe2(talk_.data(), O_CLOEXEC) != 0) throw std::runtime_error(std::string("pipe: ") + std::strerror(errno));
     const pid_t self = getpid();
     mpirun_ = fork();
@@ -109,7 +133,7 @@ class Job {
     JobEnd end;
     int status = 0;
     while (waitpid(mpirun_, &status, WNOHANG) != mpirun_) {
-      pass_on_talk(100);
+      if (!pass_on_talk(look_interval)) look_after_mpirun();
       if (const int signal = InterruptGuard::signal(); signal != end.signal) {
         kill(mpirun_, InterruptGuard::stand_in_for(signal));
         end.signal = signal;
@@ -118,12 +142,40 @@ class Job {
     while (pass_on_talk(0)) continue;
     write_all(STDERR_FILENO, filter_.rest());
     if (WIFSIGNALED(status)) end.mpirun_killed = WTERMSIG(status);
+    end.given_up = given_up_;
     end.code = WEXITSTATUS(status);
     end.killed = filter_.killed();
     return end;
   }
 
  private:
+  static constexpr int look_interval = 100;  // [ms]
+
+  /// mpirun waits for ever where it could not start all ranks, or has lost sight of those that ended. Told, and then ended: ranks that
+  /// have not found each other, and no ranks at all. Counted in looks, as clocks leap and processes are stopped.
+  void look_after_mpirun() {
+    constexpr double share_until_told = 0.05, share_without_ranks = 0.1, grace = 5.0;  // [s]
+    constexpr int looks_between = 20;
+    const double n_looks = ++n_looks_;
+    if (n_looks_ % looks_between == 0) n_without_ranks_ = has_children(mpirun_) ? 0 : n_without_ranks_ + looks_between;
+    const auto seconds = [](double looks) { return 1e-3 * look_interval * looks; };
+    const double waited = filter_.are_ranks_up() ? 0.0 : seconds(n_looks);
+    if (!is_told_ && waited >= share_until_told * patience_) {
+      is_told_ = true;
+      write_all(
+          STDERR_FILENO,
+          fmt::format("the ranks have not found each other after {:.3g} s; still waiting for mpirun (process {})\n",
+                      waited, mpirun_));
+    }
+    if (given_up_ == GivenUp::no) {
+      if (waited >= patience_) given_up_ = GivenUp::not_started;
+      if (seconds(n_without_ranks_) >= share_without_ranks * patience_) given_up_ = GivenUp::no_ranks;
+      if (given_up_ != GivenUp::no) kill(mpirun_, SIGTERM);
+    } else if (seconds(++n_looks_since_) >= grace) {
+      kill(mpirun_, SIGKILL);
+    }
+  }
+
   /// Waits for talk, not longer than that [ms]; false where there is none.
   bool pass_on_talk(int patience) {
     pollfd waiting{talk_[0], POLLIN, 0};
@@ -140,6 +192,10 @@ class Job {
 
   std::array<int, 2> talk_{};
   pid_t mpirun_ = -1;
+  double patience_;                                            // [s]
+  int n_looks_ = 0, n_without_ranks_ = 0, n_looks_since_ = 0;  // since it was given up
+  GivenUp given_up_ = GivenUp::no;
+  bool is_told_ = false;
   MpirunTalk filter_;
 };
 
@@ -212,12 +268,16 @@ std::optional<StrayTasks> stray_tasks() {
 JobEnd run_as_ranks(const Layout& layout, const std::vector<std::string>& words) {
   const Place place = this_place();
   std::vector<std::string> command = {find_mpirun(layout).string()};
+  const double patience = start_patience();
+  if (!place.is_one_of_many) expect_files_for_mpirun(layout.ranks);
+  expect_shared_memory();
+  setenv(start_sign_variable, "1", 1);
   set_environment(is_crowded(layout, place));
   for (const std::string& option : mpirun_options(layout, place)) command.push_back(option);
-  for (const char* name : {terminal_variable, "OMP_WAIT_POLICY", "GOMP_SPINCOUNT"})
+  for (const char* name : {terminal_variable, start_sign_variable, "OMP_WAIT_POLICY", "GOMP_SPINCOUNT"})
     if (std::getenv(name) != nullptr) command.insert(command.end(), {"-x", name});  // to other nodes, too
   command.insert(command.end(), words.begin(), words.end());
-  return Job(command).wait();
+  return Job(command, patience).wait();
 }
 
 }  // namespace moraine

@@ -45,17 +45,22 @@ struct StrayTasks {
 /// Where this process is one of such.
 std::optional<StrayTasks> stray_tasks();
 
+/// Why mpirun was ended that waited for nothing.
+enum class GivenUp { no, not_started, no_ranks };
+
 /// How a job came to its end.
 struct JobEnd {
   int code = 0;                      // exit code of the job
   int signal = 0;                    // that this process has been asked to end by, and has passed on; 0: none
   std::optional<KilledRank> killed;  // a rank that a signal has ended
   int mpirun_killed = 0;             // the signal that has ended mpirun, and by that the ranks; 0: none
+  GivenUp given_up = GivenUp::no;
 };
 
 /// Runs `words` (program and arguments) as the ranks of the layout and waits for their end. SIGINT, SIGTERM and SIGHUP
 /// are passed on, so that the ranks end with a checkpoint; a second one of the same ends this process, and by that the
-/// job. Throws UsageError.
+/// job. Ranks that do not find each other are told
+/// of and given up after MORAINE_START_PATIENCE (600 s); an mpirun that has no ranks, after a tenth of it. Throws UsageError.
 JobEnd run_as_ranks(const Layout& layout, const std::vector<std::string>& words);
 
 }  // namespace moraine

@@ -23,6 +23,8 @@
 #include "io/cli/failure.hpp"
 #include "io/cli/file_commands.hpp"
 #include "io/cli/layout.hpp"
+#include "io/cli/limits.hpp"
+#include "io/cli/mpirun_talk.hpp"
 #include "io/cli/pareto_command.hpp"
 #include "io/cli/plot_command.hpp"
 #include "io/cli/project_command.hpp"
@@ -471,6 +473,15 @@ std::vector<std::string> own_command_line(int argc, char** argv) {
   return words;
 }
 
+/// What MPI would say at length, each rank on its own, is said here by one of them.
+void expect_to_be_rank() {
+  try {
+    expect_files_for_rank();
+  } catch (const UsageError& error) {
+    end_job(World(), exit_code::bad_input, [&] { complain(error.what()); });
+  }
+}
+
 /// The command line, read and carried out by all ranks.
 int run_program(int argc, char** argv, const World& world) {
   CLI::App app("Moraine: how grains flow. One scene file, all cores, the same bits on any number of them.", "moraine");
@@ -516,8 +527,12 @@ int run_program(int argc, char** argv, const World& world) {
 int main(int argc, char** argv) {
   std::signal(SIGXFSZ, SIG_IGN);  // a limit on the size of files (ulimit -f) is then an error with a name
   spin_briefly(argv);
+  allow_many_files();
   try {
-    return run_program(argc, argv, World::join());
+    if (World::is_launched()) expect_to_be_rank();
+    const World world = World::join();
+    if (world.is_root()) give_start_sign();
+    return run_program(argc, argv, world);
   } catch (const std::exception& error) {
     complain(error.what());
     return exit_code::failed;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
+#include <cstdlib>
 #include <regex>
 #include <utility>
 
@@ -10,6 +12,7 @@ namespace moraine {
 namespace {
 
 const std::string dashes(74, '-');
+const std::string start_sign = "moraine: the ranks have found each other";
 
 bool is_about_the_end(const std::string& notice) {
   constexpr std::array<std::string_view, 5> ends = {"terminated normally, but", "noticed that process rank",
@@ -39,6 +42,12 @@ std::optional<KilledRank> killed_in(const std::string& notice) {
 
 }  // namespace
 
+void give_start_sign() {
+  if (std::getenv(start_sign_variable) == nullptr) return;
+  unsetenv(start_sign_variable);  // of this job alone, not of those that it may start
+  std::fputs((start_sign + '\n').c_str(), stderr);
+}
+
 std::string MpirunTalk::end_of_notice() {
   is_in_notice_ = false;
   const std::string notice = std::exchange(notice_, {});
@@ -58,6 +67,8 @@ std::string MpirunTalk::pass(std::string_view text) {
       else
         is_in_notice_ = true;
       is_in_line_ = false;
+    } else if (line == start_sign) {
+      are_ranks_up_ = true;
     } else if (is_in_notice_) {
       notice_ += line + '\n';
     } else if (is_in_line_ || !is_aside(line)) {

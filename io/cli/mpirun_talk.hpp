@@ -7,6 +7,11 @@
 
 namespace moraine {
 
+/// In the environment of ranks that this program has started: their root tells so on stderr once they have found each other.
+inline constexpr const char* start_sign_variable = "MORAINE_START_SIGN";
+/// In the root, after MPI has started.
+void give_start_sign();
+
 /// A rank that was ended by a signal.
 struct KilledRank {
   int rank = 0;
@@ -25,6 +30,8 @@ class MpirunTalk {
   std::string rest();
   /// The first rank of which mpirun said that a signal had ended it.
   const std::optional<KilledRank>& killed() const { return killed_; }
+  /// True once the root's sign has passed; it is not shown.
+  bool are_ranks_up() const { return are_ranks_up_; }
 
  private:
   std::string end_of_notice();
@@ -32,6 +39,7 @@ class MpirunTalk {
   std::string waiting_;  // the unfinished line
   std::string notice_;
   bool is_in_notice_ = false;
+  bool are_ranks_up_ = false;
   bool is_in_line_ = false;  // the beginning of the unfinished line has been shown
   std::optional<KilledRank> killed_;
 };

@@ -484,12 +484,26 @@ std::string killed_text(const JobEnd& end) {
                      signal == SIGKILL ? ", as the system does where memory runs out" : "");
 }
 
+std::string given_up_text(const JobEnd& end, const Layout& layout) {
+  return fmt::format("{}, and was ended: see what it said above, and whether \"mpirun -n {} hostname\" works here{}",
+                     end.given_up == GivenUp::no_ranks
+                         ? "mpirun has no ranks and does not end"
+                         : fmt::format("mpirun has not brought the {} ranks together in time", layout.ranks),
+                     layout.ranks,
+                     end.given_up == GivenUp::no_ranks ? "" : "; MORAINE_START_PATIENCE=SECONDS waits longer");
+}
+
 /// Starts the ranks of a layout, after everything has been looked at that can be wrong with the request.
 int run_on_ranks(const RunRequest& request, Scene& scene, const Layout& layout, Log& log) {
   scene.particles.clear();  // it is the ranks who need them
   if (!request.restart) new_run_directory(request.scene_file, scene, request.out);
   const fs::path newest_before = newest_run_directory(request.scene_file, scene).value_or(fs::path());
   const JobEnd end = run_as_ranks(layout, request.command_line);
+  if (end.given_up != GivenUp::no) {
+    log.error(given_up_text(end, layout));
+    log.say(how_to_go_on_after(request, scene, newest_before));
+    return exit_code::failed;
+  }
   const std::string cause = killed_text(end);
   if (cause.empty()) return end.code;
   if (end.signal != 0) {

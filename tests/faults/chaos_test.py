@@ -287,7 +287,7 @@ class Chaos:
         return "named"
 
     def few_files(self, case):
-        return self.limited(case, resource.RLIMIT_NOFILE, 5, 60, r"(?i)too many open files|file descriptors|file limit")
+        return self.limited(case, resource.RLIMIT_NOFILE, 5, 60, r"(?i)too many open files|open files are allowed here")
 
     def short_files(self, case):
         case.layout = case.choose.choice(["1x1", "1x2"])

@@ -1,6 +1,6 @@
 """Runs of several ranks through the real program: who starts them, what they say, how they end.
 
-usage: ranks_test.py PROJECT PROGRAM
+usage: ranks_test.py PROJECT PROGRAM [-k WORD_OF_A_TEST]
 
 Needs the standard library and Open MPI's mpirun.
 """
@@ -195,6 +195,45 @@ class Ranks(unittest.TestCase):
                             environment=dict(ENVIRONMENT, PATH=str(folder)))
         self.assertEqual(done.stderr, "there is a hole in my bucket\n")
 
+    def test_an_mpirun_that_waits_for_nothing_is_told_of_and_ended(self):
+        folder = self.folder / "bin"
+        folder.mkdir()
+        environment = dict(ENVIRONMENT, PATH=f"{folder}:{os.environ['PATH']}", MORAINE_START_PATIENCE="5")
+        for number, (script, text) in enumerate((("exec sleep 1000", "has no ranks and does not end"),
+                                                 ("sleep 30 >/dev/null 2>&1 & wait", "has not brought the 2 ranks together in time"),
+                                                 ("trap '' TERM; while :; do sleep 1 >/dev/null 2>&1; done", "MORAINE_START_PATIENCE"))):
+            (folder / "mpirun.openmpi").write_text(f"#!/bin/sh\n{script}\n")
+            (folder / "mpirun.openmpi").chmod(0o755)
+            done = self.moraine(1, "run", self.scene(), "--layout", "2x1", "--out", self.folder / f"out{number}",
+                                environment=environment)
+            self.assertIn("the ranks have not found each other after", done.stderr)
+            self.assertIn(text, done.stderr)
+            self.assertEqual(done.stderr.count("error:"), 1)
+        done = self.moraine(2, "run", self.scene(), "--layout", "2x1", "--out", self.folder / "out",
+                            environment=dict(environment, MORAINE_START_PATIENCE="soon"))
+        self.assertIn('MORAINE_START_PATIENCE="soon" is not a number of seconds', done.stderr)
+
+    def test_ranks_that_the_limits_on_files_forbid_are_refused_with_the_number_to_ask_for(self):
+        def under(kind, value, hard, code, layout):
+            return self.moraine(code, "run", self.scene(0.01), "--layout", layout, "--out", self.folder / f"{layout}-{value}",
+                                preexec_fn=lambda: resource.setrlimit(kind, (value, hard)))
+        for value in (20, 33):
+            done = under(resource.RLIMIT_NOFILE, value, value, 2, "2x1")
+            self.assertRegex(done.stderr, rf"^error: only {value} open files are allowed here, mpirun for 2 ranks needs 38: "
+                                          r".*\(ulimit -n 38")
+        under(resource.RLIMIT_NOFILE, 38, 38, 0, "2x1")  # the number that it asks for is enough
+        under(resource.RLIMIT_NOFILE, 62, 62, 0, "8x1")
+        under(resource.RLIMIT_NOFILE, 20, resource.getrlimit(resource.RLIMIT_NOFILE)[1], 0, "4x1")  # the soft limit is lifted
+        done = under(resource.RLIMIT_FSIZE, 4 << 20, 4 << 20, 2, "2x1")
+        self.assertIn("files larger than a limit of 4096 kB are not allowed here", done.stderr)
+        under(resource.RLIMIT_FSIZE, 8 << 20, 8 << 20, 0, "4x1")
+
+    def test_a_rank_that_may_open_too_few_files_says_so_once(self):
+        done = self.must_end(2, run(*MPIRUN, "-n", 2, "sh", "-c",
+                                    f"ulimit -n 20; exec {PROGRAM} run {self.scene()} --out {self.folder}/out",
+                                    environment=AS_ROOT))
+        self.assertEqual(done.stderr.count("error: only 20 open files are allowed here, a rank needs 32"), 1, done.stderr)
+
     def test_an_interrupted_run_of_two_ranks_leaves_a_checkpoint_from_which_another_layout_goes_on(self):
         for number, code in ((signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGHUP, 129)):
             with self.subTest(signal=number.name):
@@ -291,4 +330,4 @@ class Ranks(unittest.TestCase):
 
 if __name__ == "__main__":
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    unittest.main(argv=sys.argv[:1])
+    unittest.main(argv=sys.argv[:1] + sys.argv[3:])

@@ -90,3 +90,19 @@ TEST_CASE("a notice that is cut off is shown when all is over, unless it is abou
   CHECK(talk.pass(dashes + "\nIt looks like") == "");
   CHECK(talk.rest() == dashes + "\nIt looks like");
 }
+
+TEST_CASE("the sign that the ranks have found each other is heard and not shown, also within a notice of mpirun's") {
+  const std::string sign = "moraine: the ranks have found each other\n";
+  for (std::size_t size = 1; size <= sign.size(); ++size) {
+    MpirunTalk talk;
+    std::string shown;
+    CHECK_FALSE(talk.are_ranks_up());
+    for (std::size_t at = 0; at < sign.size(); at += size) shown += talk.pass(sign.substr(at, size));
+    CHECK(talk.are_ranks_up());
+    CHECK(shown + talk.rest() == "");
+  }
+  MpirunTalk within;
+  const std::string shown = within.pass(dashes + "\nthere is\n" + sign + "a hole\n" + dashes + "\n");
+  CHECK(within.are_ranks_up());
+  CHECK(shown == notice("there is\na hole"));
+}
