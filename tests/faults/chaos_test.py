@@ -184,8 +184,9 @@ class Chaos:
 
     @staticmethod
     def must_be_named(code, said, words):
-        """A run that ends early says why."""
-        if code not in (1, 2) or not re.search(words, said):
+        """A run that ends early says why. Before the program begins it is the system's loader that does, with a code of its own."""
+        is_refused = code in (1, 2) or code == 127 and "error while loading shared libraries" in said
+        if not is_refused or not re.search(words, said):
             raise Lost(f"ended with exit code {code} without naming its cause ({words})\n{said}")
 
     # ---- faults: each returns how it ended
