@@ -291,11 +291,11 @@ struct Simulation::Parts {
   void tell();
   double speed_gain() const;
   void foresee();
-  void check_travel();
+  void check_travel(const Travelled& measured);
   void check_neighbours(double travelled_before);
   [[noreturn]] void stop_for_stale_list();
   void divide(Subdomains subdomains);
-  void measure_travel();
+  Travelled measure_travel();
   bool is_rebuild_better(double n_steps) const;
   bool must_search_walls();
   double largest_push() const;
@@ -445,11 +445,12 @@ void Simulation::Parts::choose_skin() {
   skin = std::min(skin, widest);
 }
 
-/// In place of the bounds, which add up the fastest grain of every step.
-void Simulation::Parts::measure_travel() {
+/// Takes the place of the bounds, which add up the fastest grain of every step.
+Travelled Simulation::Parts::measure_travel() {
   const Travelled measured = contacts->travelled(particles, n_threads);
   travelled = measured.of_pairs();
   if (are_walls_of_rebuild) travelled_to_walls = measured.furthest;
+  return measured;
 }
 
 /// The largest acceleration that the gas gives a grain, or the body force has given it in the last step [m/s2].
@@ -584,22 +585,22 @@ void Simulation::Parts::foresee() {
   const bool is_asked =
       theirs + margin > allowed_travel() && travelled + theirs + 2.0 * margin > 2.0 * allowed_travel();
   if (is_time() || is_asked || travelled > allowed_travel()) {
-    measure_travel();
+    const Travelled measured = measure_travel();
     if (is_time()) next_look = earliest;
-    check_travel();
+    check_travel(measured);
   }
   tell();
 }
 
 /// A grain of the border further than half the skin from its place at the rebuild still meets nobody who is not in the list, as long as no
 /// grain of another rank has come further than the rest of the skin (check_neighbours), and all who have such grains say so.
-void Simulation::Parts::check_travel() {
-  if (travelled <= allowed_travel()) return;
-  const Travelled measured = contacts->travelled(particles, n_threads);
+void Simulation::Parts::check_travel(const Travelled& measured) {
+  if (measured.of_pairs() <= allowed_travel()) return;
   if (measured.nearer <= allowed_travel() && contacts->ghosts().hears_all_near()) return;
   stop_for_stale_list();
 }
 
+/// Other ranks' grains count as well; what they say of them comes with the messages of the step.
 void Simulation::Parts::check_neighbours(double travelled_before) {
   const double heard = contacts->ghosts().heard().travelled;
   const bool is_mine = travelled_before > allowed_travel() && travelled_before >= heard;  // one rank speaks

@@ -59,8 +59,8 @@ struct JobEnd {
 
 /// Runs `words` (program and arguments) as the ranks of the layout and waits for their end. SIGINT, SIGTERM and SIGHUP
 /// are passed on, so that the ranks end with a checkpoint; a second one of the same ends this process, and by that the
-/// job. Ranks that do not find each other are told
-/// of and given up after MORAINE_START_PATIENCE (600 s); an mpirun that has no ranks, after a tenth of it. Throws UsageError.
+/// job. Ranks that do not find each other are told of and given up after MORAINE_START_PATIENCE (600 s); an mpirun that has
+/// no ranks, after a tenth of it. Throws UsageError.
 JobEnd run_as_ranks(const Layout& layout, const std::vector<std::string>& words);
 
 }  // namespace moraine

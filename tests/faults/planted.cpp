@@ -86,21 +86,10 @@ std::vector<Row> rows_of(const std::string& record) {
 }
 
 /// Two grains of the flow scenes in a domain of 1 m without walls.
-Scene two_grains(const std::array<Vec3, 2>& positions, const std::array<Vec3, 2>& velocities) {
+Scene two_grains(const GrainSeed& first, const GrainSeed& second) {
   Scene scene = scenes::basic();
   scene.domain.high = {1, 1, 1};
-  ListedGrains list;
-  list.grains.resize(2);
-  list.has_velocity = true;
-  for (std::size_t i = 0; i < 2; ++i) {
-    list.grains[i].position = positions[i];
-    list.grains[i].velocity = velocities[i];
-  }
-  ParticleGroup group;
-  group.material = "glass";
-  group.diameter.value = scenes::d;
-  group.fill = list;
-  scene.particles = {group};
+  scene.particles = {scenes::listed({first, second})};
   return scene;
 }
 
@@ -148,8 +137,8 @@ TEST_CASE("a grain outside the domain is refused before the first step, and foun
   CHECK(outside.n_steps == 0);
   CHECK_THAT(outside.why, Catch::Contains("grain 0 is at (1e+06, ") && Catch::Contains("outside the domain"));
 
-  const Scene scene = two_grains({{{0.5, 0.5, 0.5}, {0.995, 0.5, 0.5}}}, {{{0, 0, 0}, {1.0, 0, 0}}});
-  Ending lost = ending_of([&] { return Simulation(scene, 1); }, 100000);
+  const Scene scene = two_grains({{0.5, 0.5, 0.5}, {}, {}, 0.0, 0}, {{0.995, 0.5, 0.5}, {1.0, 0, 0}, {}, 0.0, 0});
+  const Ending lost = ending_of([&] { return Simulation(scene, 1); }, 100000);
   const double step = Simulation(scene, 1).time_step();
   report("grain that leaves where there is no outlet", lost.n_steps - static_cast<int>(0.005 / step));
   CHECK(lost.n_steps == static_cast<int>(std::floor(0.005 / step)) + 1);
@@ -158,7 +147,8 @@ TEST_CASE("a grain outside the domain is refused before the first step, and foun
 }
 
 TEST_CASE("a contact that deepens over several steps leaves a record of these steps") {
-  const Scene scene = two_grains({{{0.49, 0.5, 0.5}, {0.51, 0.5, 0.5}}}, {{{8.0, 0, 0}, {-8.0, 0, 0}}});
+  const Scene scene =
+      two_grains({{0.49, 0.5, 0.5}, {8.0, 0, 0}, {}, 0.0, 0}, {{0.51, 0.5, 0.5}, {-8.0, 0, 0}, {}, 0.0, 0});
   const Ending end = ending_of([&] { return Simulation(scene, 1); }, 100);
   INFO(end.record);
   CHECK_THAT(end.why, Catch::Contains("overlap runs away"));

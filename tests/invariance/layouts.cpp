@@ -108,20 +108,15 @@ TEST_CASE("a grain that rolls over a periodic face onto other triangles keeps it
   scene.domain.high = {0.1, 0.08, 0.1};
   scene.domain.periodic = {true, true, false};
   scene.time.gravity = {0.0, 0.0, -9.81};
-  ListedGrains list;
-  list.has_velocity = true;
+  std::vector<GrainSeed> grains;
   for (const double x : {0.02, 0.06}) {
     GrainSeed seed;
     seed.position = {x, x, 0.5 * scenes::d};
     seed.radius = 0.5 * scenes::d;
     seed.velocity = {x < 0.05 ? 1.0 : -0.6, 0.35, 0.0};
-    list.grains.push_back(seed);
+    grains.push_back(seed);
   }
-  ParticleGroup group;
-  group.material = "glass";
-  group.diameter.value = scenes::d;
-  group.fill = list;
-  scene.particles = {group};
+  scene.particles = {scenes::listed(grains)};
   TriangleMesh floor;
   const int n = 24;
   for (int i = 0; i <= n; ++i)

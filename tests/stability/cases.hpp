@@ -38,14 +38,7 @@ inline Scene empty_scene(Vec3 low, Vec3 high, double density, double stiffness, 
 
 inline void add_grains(Scene& scene, double diameter, std::vector<GrainSeed> grains,
                        const std::string& material = "grain") {
-  ListedGrains list;
-  list.grains = std::move(grains);
-  list.has_velocity = true;
-  ParticleGroup group;
-  group.material = material;
-  group.diameter.value = diameter;
-  group.fill = list;
-  scene.particles.push_back(group);
+  scene.particles.push_back(scenes::listed(std::move(grains), diameter, material));
 }
 
 inline void add_lattice(Scene& scene, double diameter, LatticeFill::Kind kind, Box box, double spacing) {

@@ -52,6 +52,18 @@ inline ParticleGroup lattice(Box box, double spacing, const std::string& materia
   return group;
 }
 
+/// Grains of one size at given places and velocities.
+inline ParticleGroup listed(std::vector<GrainSeed> grains, double diameter = d, const std::string& material = "glass") {
+  ListedGrains list;
+  list.grains = std::move(grains);
+  list.has_velocity = true;
+  ParticleGroup group;
+  group.material = material;
+  group.diameter.value = diameter;
+  group.fill = std::move(list);
+  return group;
+}
+
 inline WallDefinition& add_wall(Scene& scene, const std::string& name, decltype(WallDefinition::shape) shape,
                                 const std::string& material = "glass") {
   WallDefinition wall;

@@ -12,14 +12,7 @@ namespace {
 Scene listed(const std::vector<GrainSeed>& grains) {
   Scene s = scenes::basic();
   s.domain.high = {1, 1, 1};
-  ListedGrains list;
-  list.grains = grains;
-  list.has_velocity = true;
-  ParticleGroup group;
-  group.material = "glass";
-  group.diameter.value = scenes::d;
-  group.fill = list;
-  s.particles = {group};
+  s.particles = {scenes::listed(grains)};
   return s;
 }
 

@@ -21,15 +21,8 @@ Scene impact(NormalLaw normal, double restitution, double speed, double gap) {
   s.contact.normal = normal;
   s.contact.tangential = normal == NormalLaw::hertz ? TangentialLaw::mindlin : TangentialLaw::spring;
   s.contact.pairs[0].restitution = restitution;
-  ListedGrains list;
-  list.grains = {{{-0.5 * (scenes::d + gap), 0, 0}, {0.5 * speed, 0, 0}, {}, 0.0, 0},
-                 {{0.5 * (scenes::d + gap), 0, 0}, {-0.5 * speed, 0, 0}, {}, 0.0, 0}};
-  list.has_velocity = true;
-  ParticleGroup group;
-  group.material = "glass";
-  group.diameter.value = scenes::d;
-  group.fill = list;
-  s.particles = {group};
+  s.particles = {scenes::listed({{{-0.5 * (scenes::d + gap), 0, 0}, {0.5 * speed, 0, 0}, {}, 0.0, 0},
+                                 {{0.5 * (scenes::d + gap), 0, 0}, {-0.5 * speed, 0, 0}, {}, 0.0, 0}})};
   return s;
 }
 
