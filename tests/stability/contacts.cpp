@@ -1,5 +1,7 @@
 // Few grains at the edge: heavy on light, large on small, in a wedge, spinning, hit without end, by walls that change their speed at once,
 // in a box that is hardly wider than they are.
+#include <optional>
+
 #include "kernels/base/sphere.hpp"
 #include "tests/stability/cases.hpp"
 
