@@ -1,4 +1,4 @@
-// Oblique impacts against steps per contact, from 5 to 160: the order in which their error falls, for each tangential law. Straight ones are
+// Oblique impacts against steps per contact, in a plane and in space, from 5 to 160: the order in which their error falls, for each tangential law. Straight ones are
 // in restitution.cpp; bench/scenes/convergence makes the whole table.
 //
 // Second order where friction slides throughout with the linear normal law, and where nothing damps; first where a dashpot reads
@@ -9,6 +9,7 @@
 #include <cmath>
 
 #include "tests/physics/laboratory.hpp"
+#include "tests/support/surface_shapes.hpp"
 
 using namespace moraine;
 using namespace moraine::physics;
@@ -121,5 +122,69 @@ TEST_CASE(
         CHECK(errors.front().worst[angle] < 0.05);
         CHECK(errors.back().worst[angle] < 0.005);
       }
+    }
+}
+
+namespace {
+
+/// Pairs of grains, far from each other, that meet in all directions and spin as they like: friction that slides has to turn as the slip does.
+Scene random_pairs(Laws laws, double restitution, double step) {
+  constexpr double r = 2e-3, spacing = 0.02;
+  constexpr int n = 10;
+  Scene scene = empty_scene({-0.02, -0.02, -0.02}, {n * spacing, n * spacing, 0.02}, step);
+  scene.materials = {{"grain", 2700.0, 1e8, 0.3}};
+  scene.contact.normal = laws.normal;
+  scene.contact.tangential = laws.tangential;
+  PairLaw law = pair_law("grain", "grain", restitution, 0.3);
+  if (laws.normal == NormalLaw::linear) law.normal_stiffness = 2400.0;
+  scene.contact.pairs = {law};
+  shapes::Dice dice(7);
+  for (int pair = 0; pair < n * n; ++pair) {
+    const Vec3 place = {spacing * (pair % n), spacing * (pair / n), 0.0}, apart = dice.direction();
+    const Vec3 other = place + (2.0 * r + dice.uniform(1e-6, 1e-5)) * apart;
+    const Vec3 approach = dice.uniform(0.02, 0.1) * apart;
+    add_grain(scene, "grain", r, place, approach + 0.05 * dice.direction(), dice.uniform(0.0, 40.0) * dice.direction());
+    add_grain(scene, "grain", r, other, 0.05 * dice.direction(), dice.uniform(0.0, 40.0) * dice.direction());
+  }
+  return scene;
+}
+
+State after_meeting(Laws laws, double restitution, int n_steps) {
+  Simulation run(random_pairs(laws, restitution, 2e-3 / n_steps), 1);
+  for (int i = 0; i < n_steps; ++i) run.step();
+  return state_of(run);
+}
+
+/// Of velocities, over 0.05 m/s, after n_steps instead of 12800: mean over the grains and the worst.
+std::pair<double, double> error_of_meeting(Laws laws, double restitution, int n_steps, const State& exact) {
+  const State found = after_meeting(laws, restitution, n_steps);
+  double mean = 0.0, worst = 0.0;
+  for (std::size_t i = 0; i < exact.velocity.size(); ++i) {
+    const double error = length(found.velocity[i] - exact.velocity[i]) / 0.05;
+    mean += error / static_cast<double>(exact.velocity.size());
+    worst = std::max(worst, error);
+  }
+  return {mean, worst};
+}
+
+}  // namespace
+
+TEST_CASE("impacts in all directions of grains that spin converge for every tangential law, also to very short steps",
+          "[convergence]") {
+  for (const Laws laws : {Laws{NormalLaw::linear, TangentialLaw::spring}, Laws{NormalLaw::linear, TangentialLaw::power},
+                          Laws{NormalLaw::hertz, TangentialLaw::mindlin}, Laws{NormalLaw::hertz, TangentialLaw::power}})
+    for (const double restitution : {1.0, 0.95, 0.7}) {
+      const State exact = after_meeting(laws, restitution, 12800);
+      const auto [coarse, worst_coarse] = error_of_meeting(laws, restitution, 200, exact);
+      const auto [fine, worst_fine] = error_of_meeting(laws, restitution, 1600, exact);
+      const double order = std::log(coarse / fine) / std::log(8.0);
+      report(
+          "%s with %s, restitution %.2f, in space: error %.1e (worst %.1e) with 200 steps, %.1e (%.1e) with 1600; "
+          "order %.2f",
+          name_of(laws.normal).data(), name_of(laws.tangential).data(), restitution, coarse, worst_coarse, fine,
+          worst_fine, order);
+      CHECK(order > 0.8);
+      CHECK(worst_coarse < 0.03);
+      CHECK(worst_fine < 0.003);
     }
 }

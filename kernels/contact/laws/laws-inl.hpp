@@ -133,9 +133,11 @@ HWY_INLINE Lanes3<Real> advance_displacement(const Motion<Real>& m, Lanes3<Real>
 }
 
 /// Spring and dashpot under Coulomb's cap (Cundall & Strack 1979): F_t = -k_t h - gamma_t v_t. Where it slides, the spring keeps what
-/// the limit leaves of it beside the dashpot, h = (mu F_n - gamma_t v_t)/k_t along the force, but never less than nothing. (Without
+/// the limit leaves of it beside the dashpot, k_t h = -F_t - gamma_t v_t, but along the force never less than nothing. (Without
 /// this bound it is wound backwards where the dashpot alone is beyond the limit, as when a contact begins; a Mindlin
-/// contact, which then stiffens, pushes along the motion.) It never grows by that.
+/// contact, which then stiffens, pushes along the motion.) Across the force it takes up the dashpot as well: spring and dashpot of the
+/// next step then point where those of this one did, and friction turns towards the motion with the way that is slid. (A spring
+/// laid along the force would turn with the number of steps.)
 template <typename Real>
 HWY_INLINE TangentialForce<Real> spring(const Constants<Real>& c, const Motion<Real>& m, Lanes<Real> f_n,
                                         Lanes3<Real> h, Lanes<Real> time, Lanes<Real> k_t, Lanes<Real> g_t) {
@@ -147,8 +149,9 @@ HWY_INLINE TangentialForce<Real> spring(const Constants<Real>& c, const Motion<R
   t.slides = square > limit * limit;
   if (none(t.slides)) return t;
   const Lanes<Real> inverse = 1.0 / sqrt(square);
-  const Lanes<Real> left = max(fma(g_t * inverse, dot(m.v_t, t.force), limit), zero);
-  t.h = select(t.slides, -(left * inverse / k_t) * t.force, t.h);
+  const Lanes<Real> held =
+      max(limit, -(g_t * inverse) * dot(m.v_t, t.force));  // by spring and dashpot, along the force
+  t.h = select(t.slides, -1.0 / k_t, 1.0) * select(t.slides, fma(held * inverse, t.force, g_t * m.v_t), t.h);
   t.force = select(t.slides, limit * inverse, 1.0) * t.force;
   return t;
 }

@@ -322,7 +322,9 @@ ReferenceForce reference_contact(const LawChoice& laws, const PairParameters& p,
       f_t = -(k.tangential * h + k.tangential_dashpot * v_t);
       if (const double pull = length(f_t); pull > limit) {
         const Vec3 along = -f_t / pull;  // the way that the spring is stretched
-        h = std::max(limit - k.tangential_dashpot * dot(v_t, along), 0.0) / k.tangential * along;
+        const double by_dashpot = k.tangential_dashpot * dot(v_t, along);
+        const Vec3 across = v_t - dot(v_t, along) * along;
+        h = (std::max(limit - by_dashpot, 0.0) * along - k.tangential_dashpot * across) / k.tangential;
       }
       slides = cap(limit, f_t, scale);
       out.energy_tangential = 0.5 * k.tangential * squared_length(h);
