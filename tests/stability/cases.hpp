@@ -83,6 +83,16 @@ inline void advance(Simulation& run, std::int64_t n_steps) {
   for (std::int64_t i = 0; i < n_steps; ++i) run.step();
 }
 
+/// What ends the run within so many steps; empty where nothing does.
+inline std::string error_of(Simulation& run, std::int64_t n_steps) {
+  try {
+    advance(run, n_steps);
+  } catch (const RunError& error) {
+    return error.what();
+  }
+  return "";
+}
+
 /// Advances a run; in the middle of the way a second one goes on from its checkpoint, on more threads, and for as many of the steps left as
 /// `n_beside` (0: there is none) it must be the same to the bit.
 inline void advance_past_restart(Simulation& run, const Scene& scene, std::int64_t n_steps,

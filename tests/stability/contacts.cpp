@@ -1,5 +1,7 @@
 // Few grains at the edge: heavy on light, large on small, in a wedge, spinning, hit without end, by walls that change their speed at once,
 // in a box that is hardly wider than they are.
+#include <optional>
+
 #include "kernels/base/sphere.hpp"
 #include "tests/stability/cases.hpp"
 
@@ -202,29 +204,62 @@ struct Series {
   double mean = 0.0, deviation = 0.0, trend = 0.0, trend_error = 0.0;  // the trend: over the whole series
 };
 
-/// `n` bounces between two walls of a grain to which speed is given back in the middle.
+/// A grain between two walls, to which its speed is given back in the middle after each bounce.
+class Bouncer {
+ public:
+  explicit Bouncer(Simulation run) : run_(std::move(run)) {}
+
+  static Scene scene(double restitution) {
+    Scene s = empty_scene({-0.05, -0.05, -0.05}, {0.05, 0.05, 0.05}, 2500.0, 1e5, restitution, 0.0);
+    s.time.steps_per_contact = 20.0;
+    add_grains(s, diameter, {grain_at({0, 0, 0}, {speed, 0, 0})});
+    add_plane(s, "left", {-0.5 * gap, 0, 0}, {1, 0, 0});
+    add_plane(s, "right", {0.5 * gap, 0, 0}, {-1, 0, 0});
+    return s;
+  }
+  /// Restitution of the next bounce.
+  double bounce() {
+    for (;;) {
+      run_.step();
+      double* const velocity = static_cast<double*>(run_.view(Field::velocity)->values);
+      const double v = velocity[0], x = static_cast<const double*>(run_.view(Field::position)->values)[0];
+      if (v * before_ > 0.0 || std::abs(x) > 0.5 * (gap - diameter)) continue;  // still on its way, or touching
+      const double value = std::abs(v / before_);
+      velocity[0] = before_ = (v > 0.0 ? 1.0 : -1.0) * speed;
+      run_.grains_changed();
+      return value;
+    }
+  }
+  /// The same, restored from a checkpoint in the middle of the way.
+  Bouncer restored(const Scene& scene) const {
+    Bouncer other(Simulation(scene, 2, run_.checkpoint()));
+    other.before_ = before_;
+    return other;
+  }
+  Hash128 hash() const { return run_.state_hash(); }
+
+ private:
+  static constexpr double diameter = 0.01, gap = 0.012, speed = 1.0;
+  Simulation run_;
+  double before_ = speed;  // velocity at which it came
+};
+
+/// `n` bounces; in the middle a second run goes on from a checkpoint for some of them.
 Series bounces(int n, double restitution) {
-  const double d = 0.01, gap = 0.012, speed = 1.0;
-  Scene s = empty_scene({-0.05, -0.05, -0.05}, {0.05, 0.05, 0.05}, 2500.0, 1e5, restitution, 0.0);
-  s.time.steps_per_contact = 20.0;
-  add_grains(s, d, {grain_at({0, 0, 0}, {speed, 0, 0})});
-  add_plane(s, "left", {-0.5 * gap, 0, 0}, {1, 0, 0});
-  add_plane(s, "right", {0.5 * gap, 0, 0}, {-1, 0, 0});
-  Simulation run(s, 1);
+  const Scene scene = Bouncer::scene(restitution);
+  Bouncer grain(Simulation(scene, 1));
   Series all;
-  double sum = 0.0, squares = 0.0, slope = 0.0, before = speed;
-  for (int bounce = 0; bounce < n;) {
-    run.step();
-    double* const velocity = static_cast<double*>(run.view(Field::velocity)->values);
-    const double v = velocity[0], x = static_cast<const double*>(run.view(Field::position)->values)[0];
-    if (v * before > 0.0 || std::abs(x) > 0.5 * (gap - d)) continue;  // still on its way, or touching
-    const double value = std::abs(v / before);
+  double sum = 0.0, squares = 0.0, slope = 0.0;
+  std::optional<Bouncer> beside;
+  for (int bounce = 0; bounce < n; ++bounce) {
+    if (bounce == n / 2) beside.emplace(grain.restored(scene));
+    const double value = grain.bounce();
     const double at = (bounce + 0.5) / n - 0.5;
     sum += value, squares += value * value, slope += at * value;
-    ++bounce;
-    before = (v > 0.0 ? 1.0 : -1.0) * speed;
-    velocity[0] = before;
-    run.grains_changed();
+    if (!beside) continue;
+    CHECK(beside->bounce() == value);
+    CHECK(beside->hash() == grain.hash());
+    if (bounce == n / 2 + 10) beside.reset();
   }
   all.mean = sum / n;
   all.deviation = std::sqrt(std::max(0.0, squares / n - all.mean * all.mean));

@@ -122,15 +122,6 @@ void check_suspension(const Suspension& suspension, double time, int n_looks = 4
   check_balances(run);
 }
 
-std::string error_of(Simulation& run, std::int64_t n_steps) {
-  try {
-    advance(run, n_steps);
-  } catch (const RunError& error) {
-    return error.what();
-  }
-  return "";
-}
-
 }  // namespace
 
 TEST_CASE("grains from a tenth to two and a half times the density of water settle or rise in it without a swing") {
