@@ -596,6 +596,8 @@ const GridField<>& GasFlow::void_fraction() const { return parts_->void_fraction
 const GridField<>& GasFlow::cell_velocity(int axis) const { return parts_->cell_velocity[index(axis)]; }
 const GridField<>& GasFlow::cell_pressure_gradient(int axis) const { return parts_->cell_gradient[index(axis)]; }
 
+OpenCell GasFlow::worst_cell() const { return parts_->solver.worst_cell(); }
+
 std::vector<GasFlow::Kept> GasFlow::kept() {
   Parts& p = *parts_;
   std::vector<Kept> all{{"gas_pressure", "Pa", -1, &p.pressure},

@@ -66,6 +66,10 @@ class GasFlow {
   const GridField<>& cell_velocity(int axis) const;
   const GridField<>& cell_pressure_gradient(int axis) const;
 
+  /// The cell of this rank whose gas the last solution of the pressure equation balances worst, with its imbalance in the unit of
+  /// 1/s; none where it has not been solved yet. For those who look for what went wrong.
+  OpenCell worst_cell() const;
+
   /// All that advance() reads of the past, in arrays of this rank's block, to go on from; names and number are fixed by
   /// the scene.
   struct Kept {

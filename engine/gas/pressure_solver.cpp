@@ -351,4 +351,18 @@ PressureReport PressureSolver::solve(const GridField<double>& b, GridField<doubl
   return report;
 }
 
+OpenCell PressureSolver::worst_cell() const {
+  const Parts& s = *parts_;
+  OpenCell worst;
+  std::vector<double> plain(static_cast<std::size_t>(s.rows.row()));
+  for (int k = 0; k < s.rows.n(2); ++k)
+    for (int j = 0; j < s.rows.n(1); ++j) {
+      join_row(s.rows, s.r.data() + s.rows.at(j, k), plain.data());
+      for (int i = 0; i < s.rows.n(0); ++i)
+        if (const double residual = std::abs(plain[static_cast<std::size_t>(i)]) / s.scale; residual > worst.residual)
+          worst = {{i, j, k}, residual};
+    }
+  return worst;
+}
+
 }  // namespace moraine

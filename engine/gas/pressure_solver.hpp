@@ -18,6 +18,12 @@ struct PressureReport {
   bool is_converged = false;
 };
 
+/// Of this rank's block, local indices.
+struct OpenCell {
+  std::array<int, 3> cell{-1, -1, -1};  // none
+  double residual = 0.0;                // |b - A p|, in the unit of b
+};
+
 /// Conjugate gradients, preconditioned by geometric multigrid. Same bits on any number of ranks and threads.
 class PressureSolver {
  public:
@@ -35,6 +41,9 @@ class PressureSolver {
   /// Starts from what `p` holds; ends where the largest residual is at most `tolerance` (unit of b), or after max_iterations. Without outlet b is
   /// made to add up to zero and p's mean is zero. Ghost layers of p are filled at inner borders and periodic faces. All ranks.
   PressureReport solve(const GridField<double>& b, GridField<double>& p, double tolerance, int max_iterations = 200);
+
+  /// Where the last solve() has left most over.
+  OpenCell worst_cell() const;
 
  private:
   struct Parts;

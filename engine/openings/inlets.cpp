@@ -12,6 +12,7 @@
 #include "engine/openings/places.hpp"
 #include "engine/particles/pack_occupied.hpp"
 #include "engine/particles/sizes.hpp"
+#include "engine/scene/kept_count.hpp"
 #include "kernels/base/random.hpp"
 #include "kernels/base/sphere.hpp"
 
@@ -425,22 +426,31 @@ void Inlets::restore(const std::map<std::string, std::vector<double>>& accumulat
     };
     if (found == accumulators.end() || found->second.size() < head + tail) fail();
     const std::vector<double>& numbers = found->second;
-    const auto whole = [&](std::size_t k) { return static_cast<std::uint64_t>(numbers[k]); };
+    const auto whole = [&](std::size_t k) { return kept_count(numbers[k], name); };
+    const auto radius = [&](std::size_t k) {
+      if (!(numbers[k] > 0.0) || !std::isfinite(numbers[k])) fail();
+      return numbers[k];
+    };
+    const auto material = [&](std::size_t k) {
+      if (whole(k) >= materials_.size()) fail();
+      return whole(k);
+    };
     inlet.n_numbers = whole(0);
     inlet.n_drawn = whole(1);
     inlet.n_attempts = whole(2);
     inlet.n_born = whole(3);
     inlet.next_try = whole(4);
     const std::size_t n_owed = whole(5), n_returning = whole(6);
-    if (numbers.size() != head + 4 * n_owed + 3 * n_returning + tail) fail();
+    const std::size_t room = numbers.size() - head - tail;
+    if (n_owed > room || n_returning > room || room != 4 * n_owed + 3 * n_returning) fail();
     std::size_t k = head;
     inlet.owed.clear();
     for (std::size_t n = 0; n < n_owed; ++n, k += 4)
       inlet.owed.push_back(
-          {whole(k), numbers[k + 1], static_cast<std::uint16_t>(numbers[k + 2]), numbers[k + 3] != 0.0});
+          {whole(k), radius(k + 1), static_cast<std::uint16_t>(material(k + 2)), numbers[k + 3] != 0.0});
     inlet.returning.clear();
     for (std::size_t n = 0; n < n_returning; ++n, k += 3)
-      inlet.returning.push_back({whole(k), numbers[k + 1], whole(k + 2)});
+      inlet.returning.push_back({whole(k), radius(k + 1), material(k + 2)});
     inlet.mass_drawn = sum_of(std::span(numbers).subspan(k, ExactSum::n_words));
     inlet.mass_born = sum_of(std::span(numbers).subspan(k + ExactSum::n_words, ExactSum::n_words));
     foresee(inlet);

@@ -5,6 +5,7 @@
 #include <span>
 
 #include "comm/totals.hpp"
+#include "engine/scene/kept_count.hpp"
 #include "engine/scene/scene.hpp"
 
 namespace moraine {
@@ -138,13 +139,14 @@ CensusTaker CensusTaker::from(const Accumulators& accumulators, const CensusTake
     for (std::size_t m = 0; m < n_materials; ++m) {
       const std::string number = std::to_string(m);
       taker.of_material[m] = {
-          static_cast<std::uint64_t>(found->second[2 * m]), static_cast<std::uint64_t>(found->second[2 * m + 1]),
+          kept_count(found->second[2 * m], found->first), kept_count(found->second[2 * m + 1], found->first),
           kept_sum(accumulators, "mass_born_" + number), kept_sum(accumulators, "mass_left_" + number)};
     }
-    for (std::size_t k = 0; k < through.size(); ++k) taker.n_left_through[k] = static_cast<std::uint64_t>(through[k]);
+    for (std::size_t k = 0; k < through.size(); ++k)
+      taker.n_left_through[k] = kept_count(through[k], "left_through_outlets");
     return taker;
   }
-  const auto n_left = static_cast<std::uint64_t>(kept_number(accumulators, "left"));
+  const auto n_left = kept_count(kept_number(accumulators, "left"), "left");
   if (n_materials == 0) return taker;
   OfMaterial& first = taker.of_material[0];
   first.n_left = n_left;

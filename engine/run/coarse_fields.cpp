@@ -10,6 +10,7 @@
 #include "comm/totals.hpp"
 #include "engine/particles/parcel.hpp"
 #include "engine/run/grid_rows.hpp"
+#include "engine/scene/kept_count.hpp"
 #include "engine/scene/lists.hpp"
 #include "engine/threads.hpp"
 #include "kernels/base/exact_sum.hpp"
@@ -574,7 +575,7 @@ void CoarseFields::restore(const Image& image) {
     for (const GridArray& array : image.sums)
       if (array.name == sum_name(q) && array.n == share_.n) found.push_back(&array);
   if (found.size() != sums_.size()) return;
-  n_samples_ = static_cast<std::uint64_t>(counts->second[0]);
+  n_samples_ = kept_count(counts->second[0], counts->first);
   first_time_ = counts->second[1];
   last_time_ = counts->second[2];
   for (std::size_t q = 0; q < sums_.size(); ++q)

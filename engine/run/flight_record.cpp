@@ -97,6 +97,43 @@ std::string FlightRecorder::finish(const GuardView& view, const std::vector<std:
   return text + rows_of(view, grains);
 }
 
+void FlightRecorder::follow(const GuardView& view, const std::vector<std::int32_t>& grains, FlightRecord record) {
+  Followed one{std::move(record), {}};
+  for (const std::int32_t i : grains) one.gids.push_back(view.particles.gid(i));
+  std::sort(one.gids.begin(), one.gids.end());
+  one.record.grains = header + rows_of(view, grains);
+  followed_.push_back(std::move(one));
+}
+
+void FlightRecorder::note_followed(const GuardView& view) {
+  const Particles& p = view.particles;
+  for (Followed& one : followed_) {
+    if (one.n_steps == n_watched) continue;
+    if (one.n_steps++ == 0) one.record.grains = header;  // the state at its beginning was for a run that ends there
+    std::vector<std::int32_t> grains;
+    for (std::int32_t i = 0; i < p.size(); ++i)
+      if (p.is_here(i) && std::binary_search(one.gids.begin(), one.gids.end(), p.gid(i))) grains.push_back(i);
+    one.record.grains += rows_of(view, grains);
+  }
+}
+
+std::vector<FlightRecord> FlightRecorder::take_followed(bool is_end) {
+  std::vector<FlightRecord> complete;
+  std::erase_if(followed_, [&](Followed& one) {
+    const bool is_complete = is_end || one.n_steps >= n_watched;
+    if (is_complete) complete.push_back(std::move(one.record));
+    return is_complete;
+  });
+  return complete;
+}
+
+std::vector<std::int32_t> most_moved_grains(const GuardView& view) {
+  std::vector<std::int32_t> grains = deepest_grains(view);
+  for (const std::int32_t i : {fastest_grain(view.particles), furthest_for_its_size(view.particles)})
+    if (i >= 0) grains.push_back(i);
+  return grains;
+}
+
 std::vector<std::int32_t> deepest_grains(const GuardView& view) {
   const Deepest worst = deepest(view);
   return worst.ratio < 0.0 ? std::vector<std::int32_t>() : grains_of(worst.contact);

@@ -1,4 +1,5 @@
 #include "engine/run/force_maps.hpp"
+#include "engine/scene/kept_count.hpp"
 
 #include <algorithm>
 #include <array>
@@ -109,7 +110,7 @@ void ForceMaps::restore(const World& world, const std::map<std::string, std::vec
   for (OfWall& wall : maps_) {
     const auto found = accumulators.find(kept_name(wall.name));
     if (found == accumulators.end() || found->second.size() != 1 + wall.sums.size() * WideSum::n_words) continue;
-    wall.n_steps = static_cast<std::uint64_t>(found->second[0]);
+    wall.n_steps = kept_count(found->second[0], found->first);
     std::vector<std::int64_t> words;
     for (std::size_t k = 1; k < found->second.size(); ++k) words.push_back(static_cast<std::int64_t>(found->second[k]));
     if (world.is_root()) wall.sums = sums_of(words);  // once over all ranks

@@ -64,6 +64,17 @@ void GasPhase::find_cell_velocity() {
   }
 }
 
+ConcernedCells GasPhase::find_concerned() {
+  GasFlow* const flow = coupling_.flow();
+  return flow ? moraine::find_concerned(view(), coupling_.share().block(world_.rank()), flow->worst_cell()) : no_cells;
+}
+
+std::string GasPhase::rows_of_cells(const ConcernedCells& cells, double time) {
+  GasFlow* const flow = coupling_.flow();
+  if (!flow) return {};
+  return moraine::rows_of_cells(view(), coupling_.share().block(world_.rank()), cells, flow->worst_cell(), time);
+}
+
 void GasPhase::advance(Particles& particles, double time) {
   const CouplingReport report = [&] {
     try {
@@ -72,6 +83,7 @@ void GasPhase::advance(Particles& particles, double time) {
       throw RunError(fmt::format("at {:.6g} s: {}", time, error.what()));
     }
   }();
+  steps_.note(time, report);
   ++totals_.n_steps;
   totals_.n_parts += static_cast<std::uint64_t>(report.gas.n_parts);
   totals_.n_iterations += static_cast<std::uint64_t>(report.gas.iterations);

@@ -11,6 +11,7 @@
 #include "comm/world.hpp"
 #include "engine/coupling/coupling.hpp"
 #include "engine/run/gas_probes.hpp"
+#include "engine/run/gas_record.hpp"
 #include "engine/run/grid_rows.hpp"
 #include "engine/run/image.hpp"
 #include "engine/run/plan.hpp"
@@ -38,6 +39,12 @@ class GasPhase {
 
   /// What probes look at, until the gas steps again.
   GasView view();
+
+  /// For flight records: this rank's cells that are worth a look, these and those around them as CSV, and the last gas steps as CSV.
+  ConcernedCells find_concerned();
+  std::string rows_of_cells(const ConcernedCells& cells, double time);
+  std::string rows_of_steps() const { return steps_.text(); }
+  const GasGrid& grid() const { return coupling_.grid(); }
 
   /// Appends all that the gas remembers, or (for snapshots) what is worth a look. All ranks.
   void gather_kept(Image& image);
@@ -71,6 +78,7 @@ class GasPhase {
   GasMeans means_;
   std::array<GridField<>, 3> cell_velocity_;  // [m/s] for those who look
   GasTotals totals_;
+  GasStepRecord steps_;
 };
 
 }  // namespace moraine

@@ -42,16 +42,6 @@ GrainScales scales_of(const World& world, const Particles& p) {
           scale_for(largest[0] * largest[1] * largest[1], grain_bits)};
 }
 
-std::array<int, 3> cell_of(const GasGrid& grid, Vec3 position) {
-  std::array<int, 3> cell{};
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    const int a = static_cast<int>(axis);
-    const double place = std::floor((position[a] - grid.low[a]) / grid.spacing[a]);
-    cell[axis] = static_cast<int>(std::clamp(place, 0.0, static_cast<double>(grid.n[axis] - 1)));
-  }
-  return cell;
-}
-
 /// The sums of one cell on their way to the rank that has the cell.
 struct CellRecord {
   std::int64_t cell = 0;  // x fastest, of the whole grid
@@ -138,6 +128,16 @@ std::vector<GrainSums> received(const std::vector<Parcel>& parcels, const GasGri
 }
 
 }  // namespace
+
+std::array<int, 3> cell_of(const GasGrid& grid, Vec3 position) {
+  std::array<int, 3> cell{};
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const int a = static_cast<int>(axis);
+    const double place = std::floor((position[a] - grid.low[a]) / grid.spacing[a]);
+    cell[axis] = static_cast<int>(std::clamp(place, 0.0, static_cast<double>(grid.n[axis] - 1)));
+  }
+  return cell;
+}
 
 GrainCells grains_by_cell(const World& world, const GasGrid& grid, const GridShare& share, const Particles& particles) {
   const GrainScales scales = scales_of(world, particles);

@@ -29,6 +29,9 @@ struct GasView {
   GasMeans* means = nullptr;                          // where a probe is of kind gas_mean
 };
 
+/// The cell that a point of the domain is in.
+std::array<int, 3> cell_of(const GasGrid& grid, Vec3 position);
+
 /// What grains in a cell add up to; grains belong to the cell that their centre is in.
 struct GrainCells {
   CellBlock block;                              // of this rank

@@ -45,6 +45,9 @@ namespace {
 /// A grain that moves further than this part of its radius in a step misses contacts.
 constexpr double max_travel = 0.2;
 
+/// Of which a flight record tells.
+constexpr int most_grains_of_cell = 8;
+
 FieldNeeds needs_of(const Scene& scene) {
   FieldNeeds needs;
   needs.rotation = scene.contact.rotation;
@@ -317,6 +320,9 @@ struct Simulation::Parts {
   std::string fault_of_grains() const;
   void guard();
   [[noreturn]] void stop(const std::string& why, const std::vector<std::int32_t>& grains);
+  [[noreturn]] void stop_for_gas(const std::string& why);
+  void begin_record(Concern concern);
+  std::vector<ConcernedCells> concerned_cells();
   void tick();
 
   void after_rebuild();
@@ -480,7 +486,11 @@ void Simulation::Parts::advance_gas() {
   start(Phase::gas);
   balancer.enter_gas_phases();
   gas->set_grain_threads(n_threads);
-  gas->advance(particles, time());
+  try {
+    gas->advance(particles, time());
+  } catch (const RunError& error) {
+    stop_for_gas(error.what());
+  }
   balancer.enter_grain_phases();
   look_at(step);  // what was foreseen without knowing how the gas would push
 }
@@ -876,7 +886,44 @@ std::string Simulation::Parts::fault_of_grains() const {
 
 /// The run ends here, with the last steps of the grains concerned.
 void Simulation::Parts::stop(const std::string& why, const std::vector<std::int32_t>& grains) {
-  throw RecordedRunError(why, recorder.finish(guard_view(), grains));
+  throw RecordedRunError(why, {recorder.finish(guard_view(), grains), {}, {}, {}});
+}
+
+/// Not all ranks need be here: no rank asks another.
+void Simulation::Parts::stop_for_gas(const std::string& why) {
+  if (contacts->are_set_aside()) rebuild();  // then this rank is alone
+  const ConcernedCells own = gas->find_concerned();
+  const std::vector<std::int32_t> grains = grains_in(gas->grid(), {own}, particles, most_grains_of_cell);
+  throw RecordedRunError(why, {grains.empty() ? "" : recorder.finish(guard_view(), grains),
+                               gas->rows_of_cells(own, time()),
+                               gas->rows_of_steps(),
+                               {}});
+}
+
+/// Of all ranks: the rank that has a cell need not have the grains in it.
+std::vector<ConcernedCells> Simulation::Parts::concerned_cells() {
+  const ConcernedCells own = gas->find_concerned();
+  std::vector<double> numbers;
+  for (const auto& cell : own) numbers.insert(numbers.end(), cell.begin(), cell.end());
+  const std::vector<double> all = world.gather(std::span<const double>(numbers));
+  std::vector<ConcernedCells> cells(all.size() / numbers.size(), no_cells);
+  for (std::size_t n = 0; n < all.size(); ++n)
+    cells[n / numbers.size()][n % numbers.size() / 3][n % 3] = static_cast<int>(all[n]);
+  return cells;
+}
+
+void Simulation::Parts::begin_record(Concern concern) {
+  renew_list();
+  FlightRecord record;
+  record.subject = name_of(concern);
+  if (concern == Concern::energy) {
+    recorder.follow(guard_view(), most_moved_grains(guard_view()), std::move(record));
+    return;
+  }
+  const std::vector<ConcernedCells> cells = concerned_cells();
+  record.gas_cells = gas->rows_of_cells(cells[static_cast<std::size_t>(world.rank())], time());
+  record.gas_steps = gas->rows_of_steps();
+  recorder.follow(guard_view(), grains_in(gas->grid(), cells, particles, most_grains_of_cell), std::move(record));
 }
 
 void Simulation::Parts::guard() {
@@ -893,6 +940,7 @@ void Simulation::Parts::guard() {
       stop(explain_overlap(guard_view()), deepest_grains(guard_view()));
     contacts->watch_overlaps_beyond(recorder.watched_overlap());
   }
+  if (recorder.is_following()) recorder.note_followed(guard_view());
   if (travel > 1.0) {
     const std::int32_t fastest = furthest_for_its_size(particles);
     if (fastest >= 0 && length(particles.velocity(fastest)) * dt > max_travel * particles.radius(fastest))
@@ -1153,6 +1201,19 @@ void Simulation::step() {
   p.cross_faces();
   p.tick();
 }
+
+const char* name_of(Concern concern) {
+  switch (concern) {
+    case Concern::energy: return "energy";
+    case Concern::gas_balance: return "gas_balance";
+    case Concern::void_fraction: return "void_fraction";
+  }
+  return "";
+}
+
+void Simulation::begin_record(Concern concern) { parts_->begin_record(concern); }
+
+std::vector<FlightRecord> Simulation::take_records(bool is_end) { return parts_->recorder.take_followed(is_end); }
 
 std::size_t Simulation::n_known_warnings() const { return parts_->watch.n_warnings(); }
 

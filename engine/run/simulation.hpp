@@ -47,6 +47,18 @@ struct RunError : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// What this rank has to tell of those whom a stop or a warning concerns, as CSV; empty where it has nothing.
+struct FlightRecord {
+  std::string grains;     // steps of grains, with their contacts and forces (FlightRecorder)
+  std::string gas_cells;  // cells of the gas and those around them
+  std::string gas_steps;  // the last steps of the gas; the same on all ranks
+  std::string subject;    // of a warning; empty for a stop
+};
+
+/// What a run survives, but whoever reads its results must know.
+enum class Concern { energy, gas_balance, void_fraction };
+const char* name_of(Concern concern);
+
 /// Sets the acceleration [m/s2] of each of this rank's grains beside gravity and gas, three values a grain, in the order of the views.
 /// The values come as zeros.
 using BodyForce = std::function<void(std::span<double> acceleration)>;
@@ -138,6 +150,11 @@ class Simulation {
   /// What the run does that its time step was not chosen for, in words with numbers. All ranks, same on all.
   std::vector<std::string> step_warnings() const;
   /// How many of them this rank knows: of several, what they have found until they last looked.
+  /// Begins a flight record of those concerned: of the gas the cells worth a look and the grains in them, else the grains in the deepest
+  /// contact and the fastest, through the next 32 steps. All ranks.
+  void begin_record(Concern concern);
+  /// This rank's records that are complete; with `is_end` also those that are not.
+  std::vector<FlightRecord> take_records(bool is_end = false);
   std::size_t n_known_warnings() const;
   std::vector<std::string> known_warnings() const;
   /// Where the time of this rank went since the start.

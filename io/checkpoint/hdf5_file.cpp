@@ -2,6 +2,8 @@
 
 #include <fcntl.h>
 #include <hdf5.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
@@ -61,8 +63,8 @@ herr_t keep_description(unsigned, const H5E_error2_t* error, void* text) {
   return 0;
 }
 
-/// What the library says went wrong: the innermost of its messages, in plain words where it carries an errno.
-std::string hdf5_reason() {
+/// What the library says went wrong: the innermost of its messages, in plain words where it carries an errno; empty where it has none.
+std::string hdf5_message() {
   std::string text;
   H5Ewalk2(
       H5E_DEFAULT, H5E_WALK_UPWARD,
@@ -72,13 +74,34 @@ std::string hdf5_reason() {
       &text);
   const std::size_t at = text.find("errno = ");
   if (at != std::string::npos) return explain_errno(std::atoi(text.c_str() + at + 8));
+  return text;
+}
+
+std::string hdf5_reason() {
+  const std::string text = hdf5_message();
   return text.empty() ? "no reason given" : text;
 }
 
-/// Why a file cannot be written. Of a directory that has been moved away the library says no more than that it failed.
+/// What ranks that write a file together need besides the file: MPI makes files of its own that they share. Empty where that is there.
+std::string shared_files_reason() {
+  const char* const temporary = std::getenv("TMPDIR");
+  for (const char* const directory : {"/dev/shm", temporary && *temporary ? temporary : "/tmp"}) {
+    struct statvfs space {};
+    const bool is_known = statvfs(directory, &space) == 0;
+    const int cause = !is_known || access(directory, W_OK) != 0 ? errno : space.f_bavail == 0 ? ENOSPC : 0;
+    if (cause != 0)
+      return std::string("MPI cannot keep the files that ranks share in ") + directory + ": " + explain_errno(cause);
+  }
+  return {};
+}
+
+/// Why a file cannot be written. Of a directory that has been moved away, and of what MPI lacks, the library says no more than that it failed.
 std::string reason_at(const fs::path& written) {
   std::error_code error;
-  return fs::exists(fs::absolute(written, error).parent_path(), error) ? hdf5_reason() : explain_errno(ENOENT);
+  if (!fs::exists(fs::absolute(written, error).parent_path(), error)) return explain_errno(ENOENT);
+  std::string reason = hdf5_message();
+  if (reason.empty()) reason = shared_files_reason();
+  return reason.empty() ? hdf5_reason() : reason;
 }
 
 std::string parent_of(const std::string& name) {

@@ -9,6 +9,7 @@
 #include "io/checkpoint/agreement.hpp"
 #include "io/checkpoint/subdirectory.hpp"
 #include "io/cli/progress.hpp"
+#include "io/cli/record_files.hpp"
 #include "io/cli/text.hpp"
 #include "io/snapshot/snapshot.hpp"
 
@@ -198,6 +199,8 @@ bool Outputs::is_due(std::uint64_t step) const {
 }
 
 void Outputs::write_due(Simulation& simulation) {
+  watch_gas(simulation);
+  write_records(simulation, false);
   const std::uint64_t step = simulation.step_number();
   if (!is_due(step)) return;
   {
@@ -229,24 +232,39 @@ void Outputs::write_probes(Simulation& simulation) {
   }
 }
 
-void Outputs::write_energy(const Simulation& simulation) {
+void Outputs::write_energy(Simulation& simulation) {
   if (!keeps_energy_) return;
   const EnergyLedger ledger = simulation.energy();
   if (!energy_) return;
   energy_->add(simulation.step_number(), energy_values(simulation.time(), ledger));
   log_->note(energy_line(simulation.time(), ledger));
-  warn(watch_.look(ledger, simulation.time()));
+  warn(simulation, watch_.look(ledger, simulation.time()));
 }
 
-void Outputs::warn(const std::vector<std::string>& warnings) {
-  for (const std::string& warning : warnings) log_->warn(warning);
+void Outputs::warn(Simulation& simulation, const std::vector<Warning>& warnings) {
+  for (const Warning& warning : warnings) {
+    simulation.begin_record(warning.concern);
+    log_->warn(fmt::format("{}\n  a record of the grains and cells concerned: {}*", warning.text,
+                           (directory_ / record_stem(name_of(warning.concern))).string()));
+  }
 }
 
-void Outputs::watch_gas(const Simulation& simulation) {
-  if (const auto gas = simulation.gas_totals()) warn(watch_.look(*gas, simulation.time()));
+std::string Outputs::keep(const FlightRecord& record) const {
+  std::string said;
+  for (const fs::path& path : write_record(directory_, record, world_))
+    said += (said.empty() ? "\n  the last steps of the grains concerned: " : ", ") + path.string();
+  return said;
 }
 
-void Outputs::write_snapshot_now(const Simulation& simulation) {
+void Outputs::write_records(Simulation& simulation, bool is_end) {
+  for (const FlightRecord& record : simulation.take_records(is_end)) write_record(directory_, record, world_);
+}
+
+void Outputs::watch_gas(Simulation& simulation) {
+  if (const auto gas = simulation.gas_totals()) warn(simulation, watch_.look(*gas, simulation.time()));
+}
+
+void Outputs::write_snapshot_now(Simulation& simulation) {
   const std::uint64_t step = simulation.step_number();
   std::uint64_t is_there = world_.is_root() && series_->contains(step) ? 1 : 0;
   world_.max(std::span(&is_there, 1));

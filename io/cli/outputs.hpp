@@ -27,7 +27,7 @@ class Outputs {
   Outputs(const std::filesystem::path& directory, const Simulation& simulation, RunRecord record,
           std::optional<std::uint64_t> restart, Log& log);
 
-  /// Writes what is due at the simulation's step. Checkpoints come last: a run that goes on from one finds all other outputs of
+  /// Called after every step: writes what is due at it, and warns of what the gas or the energies have come to. Checkpoints come last: a run that goes on from one finds all other outputs of
   /// that step written. Throws StorageError; RunError where grains are missing.
   void write_due(Simulation& simulation);
 
@@ -37,15 +37,16 @@ class Outputs {
   /// True where any output is due at that step.
   bool is_due(std::uint64_t step) const;
 
-  /// Tells of what the gas has come to, where that must be known. All ranks may call it in any step.
-  void watch_gas(const Simulation& simulation);
-
   /// Makes sure that the present step has a snapshot. Throws StorageError.
-  void write_snapshot_now(const Simulation& simulation);
+  void write_snapshot_now(Simulation& simulation);
   /// At the end of a run: averages of fields that are not over are written as they are, and go on where the run does. Throws StorageError.
   void write_open_fields(const Simulation& simulation);
   /// Makes sure that the present step has a checkpoint, and removes old ones. Throws StorageError.
   void write_checkpoint_now(const Simulation& simulation);
+  /// Writes what is to be kept of a run that has ended so; where that is, in words for the end of its message. What cannot be written is left.
+  std::string keep(const FlightRecord& record) const;
+  /// Flight records of warnings as far as they have come, at the end of a run. What cannot be written is left.
+  void write_open_records(Simulation& simulation) { write_records(simulation, true); }
 
   std::optional<std::filesystem::path> last_checkpoint() const { return last_checkpoint_; }
   /// At the root.
@@ -78,8 +79,10 @@ class Outputs {
   void open_tables(const Simulation& simulation, std::optional<std::uint64_t> restart);
   void sync_tables();
   void write_probes(Simulation& simulation);
-  void write_energy(const Simulation& simulation);
-  void warn(const std::vector<std::string>& warnings);
+  void write_energy(Simulation& simulation);
+  void write_records(Simulation& simulation, bool is_end);
+  void watch_gas(Simulation& simulation);
+  void warn(Simulation& simulation, const std::vector<Warning>& warnings);
   void check_grains(const Simulation& simulation, const Image& image) const;
 
   std::filesystem::path directory_;

@@ -252,7 +252,7 @@ class RunLoop {
     try {
       return go();
     } catch (const RecordedRunError& error) {
-      fail("", error.what() + kept_record(error.record));
+      fail("", error.what() + (outputs_ ? outputs_->keep(error.record) : ""));
     } catch (const RunError& error) {
       fail("", error.what());  // which says at which step
     } catch (const StorageError& error) {
@@ -283,7 +283,10 @@ class RunLoop {
       outputs_->write_snapshot_now(simulation_);
       outputs_->write_open_fields(simulation_);
     }
-    if (outputs_) outputs_->write_checkpoint_now(simulation_);
+    if (outputs_) {
+      outputs_->write_checkpoint_now(simulation_);
+      outputs_->write_open_records(simulation_);
+    }
     return is_interrupted ? end_interrupted() : end_well();
   }
 
@@ -297,10 +300,7 @@ class RunLoop {
     times_.particle_steps += static_cast<double>(simulation_.n_grains());
     ++times_.n_steps;
     say_news();
-    if (outputs_) {
-      outputs_->watch_gas(simulation_);
-      outputs_->write_due(simulation_);
-    }
+    if (outputs_) outputs_->write_due(simulation_);
     if (times_.n_warm_up < request_.warm_up && times_.n_steps == request_.warm_up) end_warm_up();
   }
 
@@ -373,18 +373,6 @@ class RunLoop {
   }
 
   std::string step_text() const { return fmt::format("step {}: ", simulation_.step_number()); }
-
-  /// Keeps the last steps of the grains concerned, and says where; "" where that fails.
-  std::string kept_record(const std::string& record) const {
-    const std::string rank = world_.is_alone() ? "" : fmt::format(".rank-{:04}", world_.rank());
-    const fs::path path = directory_ / ("flight_record" + rank + ".csv");
-    try {
-      write_file(path, record);
-    } catch (const StorageError&) {
-      return {};
-    }
-    return "\n  the last steps of the grains concerned: " + path.string();
-  }
 
   /// Says what happened, where it is not known by itself also when. Of several ranks only this one may know: it speaks
   /// for all, and ends them.

@@ -27,14 +27,15 @@ Watch::Watch(const Scene& scene) {
   for (const int n : scene.gas->cells) n_cells_ *= n;
 }
 
-std::vector<std::string> Watch::look(const GasTotals& gas, double time) {
-  std::vector<std::string> found;
+std::vector<Warning> Watch::look(const GasTotals& gas, double time) {
+  std::vector<Warning> found;
   if (!has_told_imbalance_ && gas.imbalance > much_imbalance * tolerance_) {
     has_told_imbalance_ = true;
-    found.push_back(fmt::format(
-        "at {:.6g} s: a cell has gained or lost {:.2g} of its gas in one gas step, and gas.tolerance is {:.2g}: the "
-        "pressure equation was not solved well; a smaller gas.step may help",
-        time, gas.imbalance, tolerance_));
+    found.push_back(
+        {Concern::gas_balance, fmt::format("at {:.6g} s: a cell has gained or lost {:.2g} of its gas in one gas step, "
+                                           "and gas.tolerance is {:.2g}: the "
+                                           "pressure equation was not solved well; a smaller gas.step may help",
+                                           time, gas.imbalance, tolerance_)});
   }
   const std::uint64_t n_steps = gas.n_steps - n_steps_seen_;
   if (n_steps < long_time) return found;
@@ -44,24 +45,26 @@ std::vector<std::string> Watch::look(const GasTotals& gas, double time) {
   if (has_told_floor_ || share < many_cells) return found;
   has_told_floor_ = true;
   found.push_back(
-      fmt::format("at {:.6g} s: {:.2g} of all gas cells have been denser than gas.least_void_fraction = {:.3g} for {} "
-                  "gas steps, and "
-                  "were taken as that: their drag is too small; use larger cells, or weights = \"smoothed\"",
-                  time, share, least_void_fraction_, n_steps));
+      {Concern::void_fraction,
+       fmt::format("at {:.6g} s: {:.2g} of all gas cells have been denser than gas.least_void_fraction = {:.3g} for {} "
+                   "gas steps, and "
+                   "were taken as that: their drag is too small; use larger cells, or weights = \"smoothed\"",
+                   time, share, least_void_fraction_, n_steps)});
   return found;
 }
 
-std::vector<std::string> Watch::look(const EnergyLedger& ledger, double time) {
+std::vector<Warning> Watch::look(const EnergyLedger& ledger, double time) {
   const double turned_over = std::abs(ledger.kinetic) + std::abs(ledger.rotational) + std::abs(ledger.elastic_normal) +
                              std::abs(ledger.elastic_tangential) + std::abs(ledger.lost_normal) +
                              std::abs(ledger.lost_tangential) + std::abs(ledger.lost_friction) +
                              std::abs(ledger.lost_drag) + std::abs(ledger.total() - ledger.initial);
   if (has_told_energy_ || !(std::abs(ledger.error()) > much_energy * turned_over)) return {};
   has_told_energy_ = true;
-  return {fmt::format(
-      "at {:.6g} s: the energy ledger is open by {:.3g} J, {:.2g} of the {:.3g} J that were turned over: the time step "
-      "is too long for the contacts, or something drives the grains that the ledger does not know",
-      time, ledger.error(), std::abs(ledger.error()) / turned_over, turned_over)};
+  return {{Concern::energy,
+           fmt::format("at {:.6g} s: the energy ledger is open by {:.3g} J, {:.2g} of the {:.3g} J that were turned "
+                       "over: the time step "
+                       "is too long for the contacts, or something drives the grains that the ledger does not know",
+                       time, ledger.error(), std::abs(ledger.error()) / turned_over, turned_over)}};
 }
 
 }  // namespace moraine

@@ -10,14 +10,19 @@
 
 namespace moraine {
 
+struct Warning {
+  Concern concern;
+  std::string text;
+};
+
 class Watch {
  public:
   explicit Watch(const Scene& scene);
 
   /// New warnings about the gas: it does not balance to gas.tolerance, or many cells are at their least void fraction for long.
-  std::vector<std::string> look(const GasTotals& gas, double time);
+  std::vector<Warning> look(const GasTotals& gas, double time);
   /// A new warning about the energy ledger: what it leaves open has become too large to be the error of the time step.
-  std::vector<std::string> look(const EnergyLedger& ledger, double time);
+  std::vector<Warning> look(const EnergyLedger& ledger, double time);
 
  private:
   double tolerance_ = 0.0, n_cells_ = 0.0, least_void_fraction_ = 0.0;

@@ -32,12 +32,20 @@ class Lines {
  public:
   explicit Lines(const std::filesystem::path& file) : file_(file), in_(gzopen(file.c_str(), "rb"), gzclose) {
     if (!in_) throw FileError(fmt::format("cannot be read: {}", file.string()));
+    std::error_code error;
+    packed_ = std::filesystem::file_size(file, error);
+    if (error) packed_ = ~std::uintmax_t{0};
   }
 
   /// False at the end. A line is good until the next one.
   bool next(std::string_view& line) {
     std::size_t end;
-    while ((end = text_.find('\n', at_)) == std::string::npos && !is_at_end_) read_on();
+    while ((end = text_.find('\n', at_)) == std::string::npos && !is_at_end_) {
+      if (text_.size() - at_ > longest_line)
+        throw FileError(fmt::format("has a line of more than {} characters, which no list of grains has: {}",
+                                    longest_line, file_.string()));
+      read_on();
+    }
     if (end == std::string::npos) end = text_.size();
     line = std::string_view(text_).substr(at_, end - at_);
     const bool is_there = at_ < text_.size();
@@ -46,14 +54,25 @@ class Lines {
   }
 
  private:
+  /// Real lists have lines of some hundred characters, and are packed to a twentieth at best.
+  static constexpr std::size_t longest_line = 1 << 16;
+  static constexpr std::uintmax_t most_packed = 64, always_allowed = 1 << 20;  // times; bytes
+
   void read_on() {
     text_.erase(0, at_);
     at_ = 0;
-    constexpr std::size_t size = 1 << 20;
+    constexpr std::size_t size = 1 << 16;
     const std::size_t before = text_.size();
     text_.resize(before + size);
     const int n = gzread(in_.get(), text_.data() + before, static_cast<unsigned>(size));
     text_.resize(before + static_cast<std::size_t>(std::max(n, 0)));
+    unpacked_ += static_cast<std::uintmax_t>(std::max(n, 0));
+    if (unpacked_ > always_allowed && (unpacked_ - always_allowed) / most_packed > packed_)
+      throw FileError(
+          fmt::format("is more than {} times as large unpacked as it is packed, which no list of grains is (unpack it "
+                      "by gunzip if it "
+                      "is one): {}",
+                      most_packed, file_.string()));
     if (n == static_cast<int>(size)) return;
     is_at_end_ = true;
     int code = Z_OK;
@@ -66,6 +85,7 @@ class Lines {
   std::unique_ptr<gzFile_s, int (*)(gzFile)> in_;
   std::string text_;
   std::size_t at_ = 0;
+  std::uintmax_t packed_ = 0, unpacked_ = 0;  // [bytes]
   bool is_at_end_ = false;
 };
 

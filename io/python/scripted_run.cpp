@@ -8,6 +8,7 @@
 #include <limits>
 #include <set>
 
+#include "engine/run/flight_record.hpp"
 #include "io/checkpoint/checkpoint.hpp"
 #include "io/cli/layout.hpp"
 #include "io/cli/run_directory.hpp"
@@ -194,6 +195,7 @@ void ScriptedRun::run(std::optional<double> until) {
     outputs_->write_open_fields(*simulation_);
   }
   outputs_->write_checkpoint_now(*simulation_);
+  outputs_->write_open_records(*simulation_);
 }
 
 void ScriptedRun::advance_to(std::uint64_t last) {
@@ -222,6 +224,10 @@ void ScriptedRun::step_until(std::uint64_t last) {
 void ScriptedRun::step_once() {
   try {
     simulation_->step();
+  } catch (const RecordedRunError& error) {
+    const std::string said = error.what() + (outputs_ ? outputs_->keep(error.record) : "");
+    why_over_ = fmt::format("the run has ended at step {} by an error: {}", simulation_->step_number(), said);
+    throw RunError(said);
   } catch (const std::exception& error) {  // the step is half done
     why_over_ = fmt::format("the run has ended at step {} by an error: {}", simulation_->step_number(), error.what());
     throw;

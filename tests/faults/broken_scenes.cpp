@@ -331,6 +331,8 @@ const std::vector<Broken> table = {
     {"unknown layout", "", "[run]\nlayout = \"4 threads\"",
      "31: key \"run.layout\": is \"4 threads\"; expected \"auto\" or ranks x threads such as \"2x4\""},
     // the text itself
+    {"not TOML, with a letter outside ASCII that the parser would take for nothing", "end = 2.0", "end = 2.0 \xc3\xa9",
+     "5:11: not TOML: Error while parsing key-value pair: expected a comment or whitespace, saw '\xc3\xa9'"},
     {"not TOML", "end = 2.0", "end = ", "5:7: not TOML: Error while parsing key-value pair: expected value, saw '\\n'"},
     {"header without a key", "[contact]", "[.contact]",
      "10: not TOML: expected a key; a key has letters, digits, _ and -, or stands in quotes"},

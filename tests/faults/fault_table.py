@@ -73,7 +73,7 @@ def main():
             f"    tests/faults/fault_table.py build --inputs {given.inputs} --faults {given.faults} --seed {given.seed}", ""]
     is_good = True
     for title, part in (("Planted errors", lambda: planted(build)),
-                        ("Inputs of strangers (seeds and their alterations, no allocation above 256 MB)",
+                        ("Inputs of strangers (seeds and their alterations, no allocation above 16 MB and 2048 times the input)",
                          lambda: inputs(build, given.inputs, given.seed)),
                         ("Faults at random moments of runs", lambda: chaos(build, given.faults, given.seed))):
         good, lines = part()

@@ -31,6 +31,7 @@ struct Ending {
   int n_steps = -1;  // until the run stopped; 0: it did not start
   std::string why;
   std::string record;
+  FlightRecord gas;
 };
 
 /// Steps a scene, or goes on from an image, until it stops.
@@ -42,7 +43,8 @@ Ending ending_of(const std::function<Simulation()>& make, int most) {
     end.why = "it did not stop";
   } catch (const RecordedRunError& error) {
     end.why = error.what();
-    end.record = error.record;
+    end.record = error.record.grains;
+    end.gas = error.record;
   } catch (const RunError& error) {
     end.why = error.what();
   } catch (const SceneError& error) {
@@ -84,6 +86,8 @@ std::vector<Row> rows_of(const std::string& record) {
   }
   return rows;
 }
+
+std::ptrdiff_t lines_of(const std::string& text) { return std::count(text.begin(), text.end(), '\n'); }
 
 /// Two grains of the flow scenes in a domain of 1 m without walls.
 Scene two_grains(const GrainSeed& first, const GrainSeed& second) {
@@ -186,7 +190,7 @@ TEST_CASE("a gas step whose pressure equation is not solved stops the run, or wa
   Scene strict = scene;
   strict.gas->tolerance = 1e-9;
   Watch watch(strict);
-  std::vector<std::string> warnings;
+  std::vector<Warning> warnings;
   int n_steps = 0;
   for (; n_steps < 200 && warnings.empty(); ++n_steps) {
     loose.step();
@@ -194,13 +198,17 @@ TEST_CASE("a gas step whose pressure equation is not solved stops the run, or wa
   }
   report("gas mass imbalance", n_steps);
   REQUIRE(warnings.size() == 1);
-  CHECK_THAT(warnings[0], Catch::Contains("of its gas in one gas step") && Catch::Contains("gas.tolerance is 1e-09"));
+  CHECK_THAT(warnings[0].text,
+             Catch::Contains("of its gas in one gas step") && Catch::Contains("gas.tolerance is 1e-09"));
   CHECK(watch.look(*loose.gas_totals(), loose.time()).empty());  // once
 
   scene.gas->tolerance = 0.9;
   const Ending end = ending_of([&] { return Simulation(scene, 1); }, 400);
   report("gas that does not balance by more than a hundredth", end.n_steps);
   CHECK_THAT(end.why, Catch::Contains("the gas does not balance"));
+  CHECK_THAT(end.gas.gas_cells, Catch::Contains("worst balanced") && Catch::Contains("densest"));
+  CHECK(lines_of(end.gas.gas_steps) >= 2);  // header, and the step that was not solved
+  CHECK(rows_of(end.record).size() >= 1);   // grains are in the densest cell at least
 }
 
 TEST_CASE("many cells at the least void fraction for long are told of, once") {
@@ -208,7 +216,7 @@ TEST_CASE("many cells at the least void fraction for long are told of, once") {
   scene.gas->least_void_fraction = 0.9;
   Watch watch(scene);
   Simulation simulation(scene, 1);
-  std::vector<std::string> warnings;
+  std::vector<Warning> warnings;
   int n_steps = 0;
   for (; n_steps < 6000 && warnings.empty(); ++n_steps) {
     simulation.step();
@@ -217,7 +225,7 @@ TEST_CASE("many cells at the least void fraction for long are told of, once") {
   report("void fraction at its floor", n_steps);
   REQUIRE(warnings.size() == 1);
   CHECK(simulation.gas_totals()->n_steps <= 201);
-  CHECK_THAT(warnings[0], Catch::Contains("gas.least_void_fraction = 0.9 for 200 gas steps"));
+  CHECK_THAT(warnings[0].text, Catch::Contains("gas.least_void_fraction = 0.9 for 200 gas steps"));
 }
 
 TEST_CASE("an energy ledger that does not close is told of at its next row, and one that closes is not") {
@@ -231,10 +239,84 @@ TEST_CASE("an energy ledger that does not close is told of at its next row, and 
   image.accumulators["energy_initial"][0] += 1.0;  // [J]
   Simulation broken(scene, 1, image);
   broken.step();
-  const std::vector<std::string> warnings = watch.look(broken.energy(), broken.time());
+  const std::vector<Warning> warnings = watch.look(broken.energy(), broken.time());
   report("energy from nowhere", 1);
   REQUIRE(warnings.size() == 1);
-  CHECK_THAT(warnings[0], Catch::Contains("the energy ledger is open by"));
+  CHECK_THAT(warnings[0].text, Catch::Contains("the energy ledger is open by"));
+
+  broken.begin_record(warnings[0].concern);
+  CHECK(broken.take_records().empty());
+  const Hash128 before = broken.state_hash();
+  CHECK(before == broken.state_hash());
+  for (int i = 0; i < 40; ++i) broken.step();
+  const std::vector<FlightRecord> records = broken.take_records();
+  REQUIRE(records.size() == 1);
+  CHECK(records[0].subject == "energy");
+  const std::vector<Row> rows = rows_of(records[0].grains);
+  CHECK(rows.back().step == rows.front().step + 31);  // and every one between
+  std::set<int> steps;
+  for (const Row& row : rows) steps.insert(row.step);
+  CHECK(steps.size() == 32);
+  CHECK(broken.take_records(true).empty());
+}
+
+TEST_CASE("a run that goes on after a warning keeps a record of grains, cells and gas steps, and changes no bit") {
+  const TemporaryDirectory directory;
+  std::ofstream(directory.path() / "dense.toml") << R"(
+[domain]
+low = [0, 0, 0]
+high = [0.06, 0.06, 0.12]
+[time]
+step = 1e-4
+end = 0.06
+gravity = [0, 0, -9.81]
+[[material]]
+name = "glass"
+density = 500.0
+[[contact.pair]]
+normal_stiffness = 100.0
+restitution = 0.5
+[[particles]]
+diameter = 0.009
+fill = { region = { box = { low = [0, 0, 0], high = [0.06, 0.06, 0.05] } }, lattice = "cubic", spacing = 0.01 }
+[[wall]]
+name = "box"
+box = { low = [0, 0, 0], high = [0.06, 0.06, 0.12] }
+[gas]
+cells = [3, 3, 6]
+step = 2e-4
+density = 1.2
+viscosity = 1.8e-5
+drag = "gidaspow"
+least_void_fraction = 0.8
+[[gas.boundary]]
+face = "z-low"
+type = "velocity"
+velocity = [0, 0, 0.5]
+[[gas.boundary]]
+face = "z-high"
+type = "pressure"
+)";
+  RunRequest request;
+  request.scene_file = directory.path() / "dense.toml";
+  request.layout = "1x2";
+  request.out = directory.path() / "run";
+  Log log(true);
+  REQUIRE(run_scene(request, log) == 0);
+  CHECK_THAT(read_file(*request.out / "log.txt"),
+             Catch::Contains("denser than gas.least_void_fraction") &&
+                 Catch::Contains("concerned: " + (*request.out / "flight_record_void_fraction").string() + "*"));
+  const std::vector<Row> rows = rows_of(read_file(*request.out / "flight_record_void_fraction.csv"));
+  REQUIRE(!rows.empty());
+  CHECK(rows.back().step == rows.front().step + 31);
+  CHECK_THAT(read_file(*request.out / "flight_record_void_fraction_cells.csv"), Catch::Contains(",densest,"));
+  CHECK(lines_of(read_file(*request.out / "flight_record_void_fraction_gas.csv")) == 33);
+
+  Scene scene = read_scene(request.scene_file, {});
+  Simulation untold(scene, 1);
+  while (untold.step_number() < untold.plan().n_steps) untold.step();
+  CHECK(read_checkpoint(checkpoint_directory(*request.out) / checkpoint_name(untold.step_number())).image.hash ==
+        untold.state_hash());
 }
 
 TEST_CASE("a run that the guard stops writes the flight record into its directory, and names it") {

@@ -40,6 +40,29 @@ friction = 0.4
 [[particles]]
 diameter = 0.02
 fill = { positions = [[0.01, 0.02, 0.01], [0.0295, 0.02, 0.01], [0.09, 0.02, 0.01], [0.05, 0.09, 0.19]] }
+[[inlet]]
+name = "feed"
+diameter = 0.02
+number_rate = 1e4
+region = { box = { low = [0.04, 0.04, 0.1], high = [0.07, 0.07, 0.13] } }
+[[outlet]]
+name = "hole"
+box = { low = [0, 0, 0], high = [0.1, 0.05, 0.012] }
+recycle = "feed"
+[[probe]]
+name = "stress"
+kind = "fields"
+interval = 1e-4
+cells = [2, 1, 3]
+[[wall]]
+name = "press"
+plane = { point = [0, 0, 0.2], normal = "-z" }
+[[wall.motion]]
+type = "servo"
+axis = [0, 0, -1]
+force = 1.0
+max_speed = 0.1
+gain = 0.01
 [[wall]]
 name = "box"
 box = { low = [-1, 0, 0], high = [1, 0.1, 0.2] }

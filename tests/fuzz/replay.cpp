@@ -21,13 +21,16 @@ using namespace moraine;
 using namespace moraine::fuzz;
 namespace fs = std::filesystem;
 
-constexpr unsigned patience = 30;                   // [s] an input may take
-constexpr std::size_t most_at_once = 256ULL << 20;  // [bytes] in one piece: inputs have some kilobytes
+constexpr unsigned patience = 30;  // [s] an input may take
 
 constexpr const char* finding = "fuzz-finding";  // the input that ended it, in the working directory
 
 char what_runs[512] = "";
 std::string_view input;
+
+/// What a file of this size may take in one piece [bytes]. A packed list may have 64 times its size of text, a number of two characters takes
+/// eight bytes in memory, and what grows has room to spare.
+std::size_t most_at_once() { return (16ULL << 20) + 2048 * input.size(); }
 
 /// Says what was tried, and keeps it, in ways that a handler of signals may use.
 [[noreturn]] void end_badly(const char* how) {
@@ -162,12 +165,12 @@ std::size_t try_target(const Target& target, const fs::path& seeds, std::size_t 
 
 /// An allocation far beyond what any input is worth is a fault, even where the system would grant it.
 void* operator new(std::size_t size) {
-  if (size > most_at_once) end_badly("takes more than 256 MB at once: ");
+  if (size > most_at_once()) end_badly("takes more memory at once than its size justifies: ");
   if (void* const memory = std::malloc(size > 0 ? size : 1)) return memory;
   throw std::bad_alloc();
 }
 void* operator new(std::size_t size, const std::nothrow_t&) noexcept {  // std::stable_sort asks so
-  if (size > most_at_once) end_badly("takes more than 256 MB at once: ");
+  if (size > most_at_once()) end_badly("takes more memory at once than its size justifies: ");
   return std::malloc(size > 0 ? size : 1);
 }
 void operator delete(void* memory) noexcept { std::free(memory); }

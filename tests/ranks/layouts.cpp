@@ -332,6 +332,27 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("a flight record of what a run survives tells of grains and cells on any ranks, and changes no bit") {
+  const Scene scene = scenes::fluidised_bed();
+  const std::vector<trace::Moment> alone = run_alone(scene, every);
+  Simulation simulation(scene, 1, ranks::world());
+  for (int n = 0; n < 20; ++n) simulation.step();
+  for (const Concern concern : {Concern::energy, Concern::gas_balance}) simulation.begin_record(concern);
+  for (int n = 0; n < 32; ++n) simulation.step();
+  const std::vector<FlightRecord> records = simulation.take_records();
+  REQUIRE(records.size() == 2);
+  CHECK(records[1].gas_steps.size() > 200);
+  std::string grains, cells;
+  for (const std::string& text : ranks::world().gather_at_root(records[1].grains)) grains += text;
+  for (const std::string& text : ranks::world().gather_at_root(records[1].gas_cells)) cells += text;
+  if (ranks::world().is_root()) {
+    CHECK(std::count(grains.begin(), grains.end(), '\n') > 33);
+    CHECK(cells.find(",densest,") != std::string::npos);
+  }
+  while (static_cast<int>(simulation.step_number()) < every) simulation.step();
+  CHECK(simulation.state_hash().text() == alone.back().hash);
+}
+
 TEST_CASE("what a projection counts for a number of ranks is what a run on them has") {
   const World& all = ranks::world();
   for (auto& [name, scene, n_steps] : scenes::all()) {

@@ -228,6 +228,14 @@ class Ranks(unittest.TestCase):
         self.assertIn("files larger than a limit of 4096 kB are not allowed here", done.stderr)
         under(resource.RLIMIT_FSIZE, 8 << 20, 8 << 20, 0, "4x1")
 
+    def test_ranks_without_room_for_the_files_that_they_share_name_the_folder(self):
+        unshare = ["unshare", "--mount", "sh", "-c"]
+        if run(*unshare, "mount -t tmpfs -o ro tmpfs /dev/shm").returncode != 0:
+            self.skipTest("needs the right to mount")
+        done = run(*unshare, f"mount -t tmpfs -o ro tmpfs /dev/shm; {PROGRAM} run {self.scene(0.01)} --layout 2x1 --out {self.folder}/out")
+        self.must_end(1, done)
+        self.assertEqual(done.stderr.count("MPI cannot keep the files that ranks share in /dev/shm: the file system is read-only"), 1, done.stderr)
+
     def test_a_rank_that_may_open_too_few_files_says_so_once(self):
         done = self.must_end(2, run(*MPIRUN, "-n", 2, "sh", "-c",
                                     f"ulimit -n 20; exec {PROGRAM} run {self.scene()} --out {self.folder}/out",

@@ -162,6 +162,21 @@ TEST_CASE("a packed list is read as the plain one") {
   CHECK(fails(file).find("cannot be unpacked") == 0);
 }
 
+TEST_CASE("a packed list that unpacks to what no list holds is refused before it fills the memory") {
+  const scene_text::Directory directory;
+  const auto said = [&](const std::string& content) {
+    const auto file = directory.path() / "bomb.csv.gz";
+    gzFile out = gzopen(file.c_str(), "wb");
+    gzwrite(out, content.data(), static_cast<unsigned>(content.size()));
+    gzclose(out);
+    return fails(file);
+  };
+  CHECK(said("x,y,z\n" + std::string(std::size_t{1} << 24, ',')).find("has a line of more than 65536 characters") == 0);
+  std::string rows = "x,y,z\n";
+  for (int i = 0; i < 1'000'000; ++i) rows += "1,1,1\n";
+  CHECK(said(rows).find("is more than 64 times as large unpacked as it is packed") == 0);
+}
+
 TEST_CASE("lists that cannot be read say where and why") {
   const scene_text::Directory directory;
   const auto said = [&](const std::string& content) {
