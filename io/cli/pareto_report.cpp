@@ -144,7 +144,7 @@ std::string front_data(const ParetoResults& results) {
     if (r.is_on_front) front.push_back(&r);
   std::sort(front.begin(), front.end(), [](const auto* a, const auto* b) { return a->seconds < b->seconds; });
   std::string text;
-  for (const ParetoResult* r : front) text += fmt::format("{} {}\n", r->seconds, shown(r->worst().value));
+  for (const ParetoResult* r : front) text += fmt::format("{} {}\n", r->seconds, shown(r->worst().bound()));
   return text;
 }
 
@@ -232,7 +232,7 @@ std::string pareto_gnuplot(const ParetoResults& results) {
   const auto add = [&](const std::string& plot) { plots += (plots.empty() ? "plot " : ", \\\n    ") + plot; };
   if (const std::string data = front_data(results); !data.empty()) {
     text += "$front << EOD\n" + data + "EOD\n";
-    add("$front using 1:2 with steps lw 2 lc rgb '#ff7f0e' title 'efficient front'");
+    add("$front using 1:2 with steps lw 2 lc rgb '#ff7f0e' title 'efficient front, intervals included'");
   }
   for (const Series& one : series) {
     const std::string data = data_of(results, one);

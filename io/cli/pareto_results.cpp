@@ -172,15 +172,16 @@ bool is_candidate(const ParetoResult& result) {
   return result.is_good() && result.setting.kind != ParetoKind::reference && !result.errors.empty();
 }
 
-/// No other candidate is at least as fast and as accurate, and better in one of the two.
+/// No other candidate is at least as fast and as surely accurate, and better in one of the two. An interval counts as error: with few repeats
+/// the mean of a setting is small by chance.
 void mark_front(std::vector<ParetoResult>& results) {
   for (ParetoResult& one : results) {
     one.is_on_front = is_candidate(one);
     if (!one.is_on_front) continue;
-    const double error = std::abs(one.worst().value);
+    const double error = one.worst().bound();
     for (const ParetoResult& other : results) {
       if (&other == &one || !is_candidate(other)) continue;
-      const double others = std::abs(other.worst().value);
+      const double others = other.worst().bound();
       if (other.seconds <= one.seconds && others <= error && (other.seconds < one.seconds || others < error))
         one.is_on_front = false;
     }
@@ -207,21 +208,15 @@ std::string error_text(const ParetoError& error) {
   return error.half_width ? fmt::format("{} +- {:.2g} %", size, 100.0 * *error.half_width) : size;
 }
 
-/// What is known to hold the errors of all quantities.
-double bound_of(const ParetoResult& result) {
-  double bound = 0.0;
-  for (const ParetoError& error : result.errors) bound = std::max(bound, error.bound());
-  return bound;
-}
-
+/// One of the front.
 void recommend(ParetoResults& results) {
   std::optional<std::size_t> best, surest;
   for (std::size_t i = 0; i < results.results.size(); ++i) {
     const ParetoResult& result = results.results[i];
-    if (!is_candidate(result)) continue;
-    const double bound = bound_of(result);
+    if (!result.is_on_front) continue;
+    const double bound = result.worst().bound();
     if (bound <= results.accept && (!best || result.seconds < results.results[*best].seconds)) best = i;
-    if (!surest || bound < bound_of(results.results[*surest])) surest = i;
+    if (!surest || bound < results.results[*surest].worst().bound()) surest = i;
   }
   results.recommended = best ? best : surest;
   if (!results.recommended) {
@@ -244,9 +239,8 @@ void recommend(ParetoResults& results) {
 }  // namespace
 
 const ParetoError& ParetoResult::worst() const {
-  return *std::max_element(errors.begin(), errors.end(), [](const ParetoError& a, const ParetoError& b) {
-    return std::abs(a.value) < std::abs(b.value);
-  });
+  return *std::max_element(errors.begin(), errors.end(),
+                           [](const ParetoError& a, const ParetoError& b) { return a.bound() < b.bound(); });
 }
 
 ParetoRecord read_record(const ParetoPlan& plan, const std::vector<ProbeColumn>& columns,

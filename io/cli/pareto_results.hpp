@@ -46,7 +46,7 @@ struct ParetoResult {
   bool is_on_front = false;
 
   bool is_good() const { return failure.empty(); }
-  /// The quantity with the largest error.
+  /// The quantity that may have the largest error, its interval included.
   const ParetoError& worst() const;
 };
 
@@ -76,7 +76,7 @@ std::vector<ParetoError> errors_between(const ParetoPlan& plan, const std::vecto
 /// Half the width of the 95 % confidence interval of a mean, from its samples (Student 1908); none for fewer than two.
 std::optional<double> half_width_of_mean(const std::vector<double>& samples);
 
-/// Marks the front (no other setting is both faster and more accurate), looks whether paths converge, and recommends.
+/// Marks the front (no other setting is both faster and more surely accurate), looks whether paths converge, and recommends.
 /// The reference is not a candidate.
 void judge(ParetoResults& results);
 

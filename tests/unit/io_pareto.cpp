@@ -243,9 +243,20 @@ TEST_CASE("the front holds what nothing else beats, and the fastest that is good
     results.results[3].errors[0].half_width = 0.02;
     judge(results);
     CHECK(results.results[*results.recommended].setting.name == "scene");
+    CHECK(results.results[*results.recommended].is_on_front);
     results.results[1].errors[0].half_width = 0.02;
     judge(results);
     CHECK_THAT(results.advice, Catch::Contains("none is known to be within 1 %") && Catch::Contains("--repeats"));
+    CHECK(results.results[*results.recommended].is_on_front);
+  }
+  SECTION(
+      "a setting whose error is small by chance alone keeps none off the front, and is off it where another is as fast "
+      "and surer") {
+    results.measure = ParetoMeasure::statistics;
+    results.results.push_back(result("lucky", ParetoKind::time_step, results.results[3].seconds, 1e-6, 0.5, 3e-5));
+    judge(results);
+    CHECK(results.results[3].is_on_front);
+    CHECK_FALSE(results.results.back().is_on_front);
   }
   SECTION("paths that do not come together are not taken for errors") {
     results.results[2].errors[0].value = 3.0;
