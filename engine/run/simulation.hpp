@@ -150,13 +150,13 @@ class Simulation {
   /// What the run does that its time step was not chosen for, in words with numbers. All ranks, same on all.
   std::vector<std::string> step_warnings() const;
   /// How many of them this rank knows: of several, what they have found until they last looked.
+  std::size_t n_known_warnings() const;
+  std::vector<std::string> known_warnings() const;
   /// Begins a flight record of those concerned: of the gas the cells worth a look and the grains in them, else the grains in the deepest
   /// contact and the fastest, through the next 32 steps. All ranks.
   void begin_record(Concern concern);
   /// This rank's records that are complete; with `is_end` also those that are not.
   std::vector<FlightRecord> take_records(bool is_end = false);
-  std::size_t n_known_warnings() const;
-  std::vector<std::string> known_warnings() const;
   /// Where the time of this rank went since the start.
   std::vector<PhaseTime> phases() const;
   /// What the threads of this rank did in each phase since the start, waiting apart from working.

@@ -235,8 +235,7 @@ void Outputs::write_probes(Simulation& simulation) {
 void Outputs::write_energy(Simulation& simulation) {
   if (!keeps_energy_) return;
   const EnergyLedger ledger = simulation.energy();
-  if (!energy_) return;
-  energy_->add(simulation.step_number(), energy_values(simulation.time(), ledger));
+  if (energy_) energy_->add(simulation.step_number(), energy_values(simulation.time(), ledger));
   log_->note(energy_line(simulation.time(), ledger));
   warn(simulation, watch_.look(ledger, simulation.time()));
 }
