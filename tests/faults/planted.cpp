@@ -89,6 +89,16 @@ std::vector<Row> rows_of(const std::string& record) {
 
 std::ptrdiff_t lines_of(const std::string& text) { return std::count(text.begin(), text.end(), '\n'); }
 
+/// To run a scene of this text in the directory.
+RunRequest request_of(const TemporaryDirectory& directory, const std::string& layout, const std::string& scene) {
+  RunRequest request;
+  request.scene_file = directory.path() / "scene.toml";
+  std::ofstream(request.scene_file) << scene;
+  request.layout = layout;
+  request.out = directory.path() / "run";
+  return request;
+}
+
 /// Two grains of the flow scenes in a domain of 1 m without walls.
 Scene two_grains(const GrainSeed& first, const GrainSeed& second) {
   Scene scene = scenes::basic();
@@ -246,9 +256,10 @@ TEST_CASE("an energy ledger that does not close is told of at its next row, and 
 
   broken.begin_record(warnings[0].concern);
   CHECK(broken.take_records().empty());
-  const Hash128 before = broken.state_hash();
-  CHECK(before == broken.state_hash());
   for (int i = 0; i < 40; ++i) broken.step();
+  Simulation untold(scene, 1, image);
+  for (int i = 0; i < 41; ++i) untold.step();
+  CHECK(untold.state_hash() == broken.state_hash());
   const std::vector<FlightRecord> records = broken.take_records();
   REQUIRE(records.size() == 1);
   CHECK(records[0].subject == "energy");
@@ -262,7 +273,7 @@ TEST_CASE("an energy ledger that does not close is told of at its next row, and 
 
 TEST_CASE("a run that goes on after a warning keeps a record of grains, cells and gas steps, and changes no bit") {
   const TemporaryDirectory directory;
-  std::ofstream(directory.path() / "dense.toml") << R"(
+  const RunRequest request = request_of(directory, "1x2", R"(
 [domain]
 low = [0, 0, 0]
 high = [0.06, 0.06, 0.12]
@@ -296,11 +307,7 @@ velocity = [0, 0, 0.5]
 [[gas.boundary]]
 face = "z-high"
 type = "pressure"
-)";
-  RunRequest request;
-  request.scene_file = directory.path() / "dense.toml";
-  request.layout = "1x2";
-  request.out = directory.path() / "run";
+)");
   Log log(true);
   REQUIRE(run_scene(request, log) == 0);
   CHECK_THAT(read_file(*request.out / "log.txt"),
@@ -321,7 +328,7 @@ type = "pressure"
 
 TEST_CASE("a run that the guard stops writes the flight record into its directory, and names it") {
   const TemporaryDirectory directory;
-  std::ofstream(directory.path() / "fast.toml") << R"(
+  const RunRequest request = request_of(directory, "1x1", R"(
 [domain]
 low = [0, 0, 0]
 high = [1, 1, 1]
@@ -340,11 +347,7 @@ fill = { positions = [[0.8, 0.5, 0.5]] }
 [[wall]]
 name = "end"
 plane = { point = [0.85, 0, 0], normal = "-x" }
-)";
-  RunRequest request;
-  request.scene_file = directory.path() / "fast.toml";
-  request.layout = "1x1";
-  request.out = directory.path() / "run";
+)");
   Log log(true);
   CHECK(run_scene(request, log) == 1);
   CHECK_THAT(read_file(*request.out / "log.txt"), Catch::Contains("the last steps of the grains concerned: " +

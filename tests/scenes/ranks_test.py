@@ -29,6 +29,33 @@ OUTPUT = """[output]
 snapshots = 0.05
 checkpoints = 0.05
 """
+# Elastic grains whose step is so long that their energy drifts.
+DRIFTING = """[domain]
+low = [0, 0, 0]
+high = [0.1, 0.1, 0.1]
+[time]
+end = 22
+step = 6e-4
+[[material]]
+name = "glass"
+density = 2500.0
+[contact]
+rotation = false
+[[contact.pair]]
+normal_stiffness = 2000.0
+restitution = 1.0
+[[particles]]
+diameter = 0.01
+velocity = [0.05, 0.03, -0.02]
+velocity_deviation = 0.05
+fill = { count = 100 }
+[[wall]]
+name = "box"
+box = { low = [0, 0, 0], high = [0.1, 0.1, 0.1] }
+[output]
+snapshots = 10
+energy = true
+"""
 PATIENCE = 120  # [s] for what takes a second on an idle machine
 
 ENVIRONMENT = environment_without("OMPI_", "PMIX_")
@@ -235,6 +262,19 @@ class Ranks(unittest.TestCase):
         done = run(*unshare, f"mount -t tmpfs -o ro tmpfs /dev/shm; {PROGRAM} run {self.scene(0.01)} --layout 2x1 --out {self.folder}/out")
         self.must_end(1, done)
         self.assertEqual(done.stderr.count("MPI cannot keep the files that ranks share in /dev/shm: the file system is read-only"), 1, done.stderr)
+
+    def test_an_open_energy_ledger_is_told_of_once_and_each_rank_keeps_a_record_on_any_layout(self):
+        path = self.folder / "drifting.toml"
+        path.write_text(DRIFTING)
+        hashes = set()
+        for layout, ranks in (("1x1", [""]), ("2x1", [".rank-0000", ".rank-0001"])):
+            out = self.folder / layout
+            done = self.moraine(0, "run", path, "--layout", layout, "--out", out)
+            self.assertEqual(done.stderr.count("the energy ledger is open by"), 1, done.stderr)
+            for rank in ranks:
+                self.assertGreaterEqual(len((out / f"flight_record_energy{rank}.csv").read_text().splitlines()), 33)
+            hashes.add(state_hash(done.stdout))
+        self.assertEqual(len(hashes), 1)
 
     def test_a_rank_that_may_open_too_few_files_says_so_once(self):
         done = self.must_end(2, run(*MPIRUN, "-n", 2, "sh", "-c",
