@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <hdf5.h>
+#include <sys/mman.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 
@@ -125,6 +126,19 @@ Id file_access() {
   return access;
 }
 
+/// Closes a file that is given up. The library writes what it has held back even then; where it cannot, it keeps the file and fails on it
+/// again when the process ends. So the rest of it goes into memory: a full disk that others write to has no room even for an emptied file.
+void close_without_writing(Id& file, const fs::path& written) {
+  void* descriptor = nullptr;
+  const int memory = memfd_create("given up", MFD_CLOEXEC);
+  const bool is_aside = memory >= 0 && H5Fget_vfd_handle(file, H5P_DEFAULT, &descriptor) >= 0 &&
+                        dup3(memory, *static_cast<const int*>(descriptor), O_CLOEXEC) >= 0;
+  if (memory >= 0) ::close(memory);
+  std::error_code ignored;
+  if (!is_aside) fs::resize_file(written, 0, ignored);
+  file.close();
+}
+
 constexpr std::size_t block_rows = 65536;
 
 hid_t type_in_file(FieldType type) {
@@ -202,11 +216,9 @@ struct Hdf5Writer::File {
     if (!is_good) fail(doing);
   }
 
-  /// Gives up. A full disk would make the library fail to close, and then again at exit, so the file is emptied first.
   void abandon() {
     std::error_code ignored;
-    fs::resize_file(written, 0, ignored);
-    if (id >= 0) id.close();
+    if (id >= 0) close_without_writing(id, written);
     fs::remove(written, ignored);
   }
 
@@ -399,7 +411,7 @@ void Hdf5Writer::column_of_files(const ColumnForm& form, const std::vector<std::
 }
 
 std::vector<WrittenPart> Hdf5Writer::close() {
-  // Flushed before it is closed: after a failed flush the file can still be emptied and closed, after a failed close it cannot.
+  // Flushed before it is closed: after a failed flush the file can still be given up, after a failed close it cannot.
   file_->check(H5Fflush(file_->id, H5F_SCOPE_GLOBAL) >= 0, "flush");
   hsize_t bytes = 0;
   file_->check(H5Fget_filesize(file_->id, &bytes) >= 0, "flush");
@@ -465,10 +477,10 @@ class RowWriter {
   void close() {
     if (file_ < 0) return;
     note(H5Fflush(file_, H5F_SCOPE_GLOBAL) >= 0, "flush");
-    std::error_code ignored;
-    // Alone, the library keeps small blocks back and could not close a file that it cannot write.
-    if (!failure_.empty() && world_.is_alone()) fs::resize_file(written_, 0, ignored);
-    note(file_.close(), "close");
+    if (!failure_.empty() && world_.is_alone())
+      close_without_writing(file_, written_);
+    else
+      note(file_.close(), "close");
   }
 
   void throw_failure() const {

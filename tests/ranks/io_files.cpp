@@ -13,6 +13,7 @@
 #include <fstream>
 #include <functional>
 #include <set>
+#include <thread>
 
 #include "io/checkpoint/checkpoint.hpp"
 #include "io/snapshot/compare.hpp"
@@ -541,6 +542,42 @@ TEST_CASE("a full disk gives one error on all ranks, leaves nothing behind and t
     }
     CHECK(n_refused > 0);
     CHECK(n_written > 0);
+  }
+}
+
+TEST_CASE("a disk that others fill as soon as there is room again gives one error, and the ranks end in peace") {
+  const World& world = ranks::world();
+  const SharedDirectory directory(world);
+  const fs::path disk = directory.path() / "disk";
+  const SmallDisk small(disk, "size=2m");
+  if (!small.is_mounted()) return;
+  for (const bool distributed : {false, true}) {
+    const fs::path path = disk / "c.h5", filler = disk / "filler", others = disk / "others";
+    write_checkpoint(path, even_rows(100, 7), record, world, distributed);
+    // Room for a first file of each rank, and not for what they write; it is gone as soon as they have tried.
+    at_root([&] { std::ofstream(filler) << std::string(1024 * (distributed ? 1200 : 1500), 'f'); });
+    std::jthread greedy;
+    if (world.is_root())
+      greedy = std::jthread([&others, before = fs::space(disk).available](const std::stop_token& stop) {
+        const int file = ::open(others.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+        while (!stop.stop_requested() && fs::space(others.parent_path()).available >= before) {}
+        for (off_t size = 0; !stop.stop_requested();)
+          if (::posix_fallocate(file, size, 4096) == 0) size += 4096;
+        ::close(file);
+      });
+    const std::string message =
+        common_failure([&] { write_checkpoint(path, even_rows(20000, 8), record, world, distributed); });
+    if (greedy.joinable()) {
+      greedy.request_stop();
+      greedy.join();
+    }
+    CHECK_THAT(message, Catch::StartsWith((disk / "c").string()) && Catch::EndsWith("no space left on the disk"));
+    at_root([&] {
+      fs::remove(filler);
+      fs::remove(others);
+    });
+    CHECK(is_same(read_checkpoint(path).image, make_bed(100, 7)));
+    world.wait_for_all();
   }
 }
 
