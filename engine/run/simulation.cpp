@@ -18,7 +18,6 @@
 #include "engine/openings/outlets.hpp"
 #include "engine/particles/fill.hpp"
 #include "engine/particles/particles.hpp"
-#include "engine/particles/sizes.hpp"
 #include "engine/run/balance.hpp"
 #include "engine/run/census.hpp"
 #include "engine/run/coarse_fields.hpp"
@@ -26,17 +25,18 @@
 #include "engine/run/flight_record.hpp"
 #include "engine/run/force_maps.hpp"
 #include "engine/run/gas_phase.hpp"
+#include "engine/run/grain_kind.hpp"
 #include "engine/run/guard.hpp"
 #include "engine/run/image_check.hpp"
 #include "engine/run/image_rows.hpp"
 #include "engine/run/probes.hpp"
 #include "engine/run/state_hash.hpp"
 #include "engine/run/step_watch.hpp"
+#include "engine/run/wall_drivers.hpp"
 #include "engine/scene/checks.hpp"
 #include "engine/scene/lists.hpp"
 #include "engine/threads.hpp"
 #include "engine/walls/walls.hpp"
-#include "kernels/base/sphere.hpp"
 
 namespace moraine {
 
@@ -67,21 +67,6 @@ void check(const Scene& scene, const World& world) {
   if (!problems.empty()) throw SceneError(std::move(problems));
 }
 
-/// Calls f(radius, material) for the smallest and largest grains that inlets may give.
-template <typename Function>
-void for_each_kind_to_come(const Scene& scene, Function f) {
-  for (const Inlet& inlet : scene.inlets) {
-    const auto material = static_cast<std::uint16_t>(std::max(0, scene.material_index(inlet.material)));
-    if (inlet.list && inlet.list->has_radius) {
-      for (const GrainSeed& grain : inlet.list->grains)
-        f(grain.radius, inlet.material.empty() ? grain.material : material);
-      continue;
-    }
-    const DiameterSampler sampler(inlet.diameter);
-    for (const double diameter : {sampler.smallest(), sampler.largest()}) f(0.5 * diameter, material);
-  }
-}
-
 /// What checkpoints of runs in mixed precision hold under "precision"; those of others have no such entry.
 constexpr double mixed_precision = 2.0;
 
@@ -94,72 +79,6 @@ void expect_precision(const Scene& scene, const Image& image) {
                          " precision; a run goes on in the precision it had: set run.precision = \"" + was +
                          "\", or begin a new run with its grains (particles.fill.file)",
                      false}});
-}
-
-/// Of the grains of all ranks, which call it together, and of those to come.
-GrainKind kind_of(const World& world, const Scene& scene, const Particles& particles) {
-  // Largest radius, inverse mass and material, then the largest of the negative ones, which gives the smallest.
-  std::array<double, 6> most;
-  most.fill(-infinity);
-  const auto include = [&](const std::array<double, 3>& values) {
-    for (std::size_t k = 0; k < 3; ++k) {
-      most[k] = std::max(most[k], values[k]);
-      most[k + 3] = std::max(most[k + 3], -values[k]);
-    }
-  };
-  SizeClasses::Census radii;
-  for (std::int32_t i = 0; i < particles.size(); ++i)
-    include({particles.radius(i), particles.inverse_mass(i), static_cast<double>(particles.material(i))});
-  for_each_kind_to_come(scene, [&](double radius, std::uint16_t material) {
-    const double mass = scene.materials[material].density * sphere_volume(radius);
-    include({radius, 1.0 / mass, static_cast<double>(material)});
-    radii.add(radius);
-  });
-  world.max(most);
-  for (std::int32_t i = 0; i < particles.size(); ++i) radii.add(particles.radius(i));
-  world.max(std::span<double>(radii.values()));
-  GrainKind kind;
-  if (most[0] < 0.0) return kind;  // there are no grains
-  kind.largest_radius = most[0];
-  radii.add(kind.largest_radius);
-  kind.sizes = SizeClasses(radii);
-  kind.smallest_radius = -most[3];
-  kind.inverse_mass = most[1];
-  kind.largest_mass = -1.0 / most[4];
-  kind.mass_ratio = most[1] / -most[4];
-  kind.is_uniform = most[0] == -most[3] && most[1] == -most[4] && most[2] == -most[5];
-  return kind;
-}
-
-/// What is wrong with the motion that a script gives a wall; empty where nothing is.
-std::string fault_of_rates(const Scene& scene, const WallDefinition& wall, const WallRates& rates, double fastest) {
-  const double limit = wall.motion.front().max_speed;
-  if (!std::isfinite(squared_length(rates.velocity)) || !std::isfinite(squared_length(rates.spin)))
-    return "a velocity that is not finite";
-  if (scene.domain.dimensions == 2 && (rates.velocity.z != 0.0 || rates.spin.x != 0.0 || rates.spin.y != 0.0))
-    return "a motion that leaves the plane of two dimensions";
-  if (fastest > limit)
-    return "a motion that moves a point of it in the domain with " + std::to_string(fastest) +
-           " m/s, more than the max_speed = " + std::to_string(limit) + " m/s that the scene allows,";
-  return {};
-}
-
-/// Under which a checkpoint keeps the state of a servo.
-std::string servo_name(const Scene& scene, const Walls& walls, std::size_t number) {
-  return "servo_" + scene.walls[static_cast<std::size_t>(walls.servo_walls()[number])].name;
-}
-
-std::string script_name(const Scene& scene, const Walls& walls, std::size_t number) {
-  return "script_" + scene.walls[static_cast<std::size_t>(walls.scripted_walls()[number])].name;
-}
-
-/// What a checkpoint keeps of a wall under that name; `without`: how the scene differs that it is of where it holds no such thing.
-const std::vector<double>& kept_of_wall(const Image& image, const std::string& name, std::size_t size,
-                                        const std::string& without) {
-  const auto found = image.accumulators.find(name);
-  if (found == image.accumulators.end() || found->second.size() != size)
-    throw SceneError({{"wall", "the checkpoint holds no \"" + name + "\"; it is of a scene " + without, false}});
-  return found->second;
 }
 
 /// Lists of start positions have done their work once the grains are born; they weigh as much as the grains.
@@ -183,17 +102,12 @@ struct StepPlan {
   bool search_walls = false;  // a rebuild does it anyway
 };
 
-/// What a program says of a wall that it moves, and every how many steps it is asked.
-struct WallScript {
-  WallFunction function;
-  std::uint64_t every = 1;
-};
-
 struct Simulation::Parts {
   Scene scene;
   int n_threads;
   Plan plan;
   Walls walls;
+  WallDrivers drivers;
   Outlets outlets;
   Inlets inlets;
   Particles particles;
@@ -210,8 +124,7 @@ struct Simulation::Parts {
   std::uint64_t n_ever_born = 0;         // of all ranks, always: the next gid
   std::vector<std::string> notes;        // what a user should know
   BodyForce body_force;
-  std::vector<double> push;         // [m/s2] three values a grain, with what the gas gives; empty without body force
-  std::vector<WallScript> scripts;  // of walls that they move
+  std::vector<double> push;  // [m/s2] three values a grain, with what the gas gives; empty without body force
   double energy_initial = 0.0;
   bool has_energy_initial = false;
   std::vector<std::vector<double>> probe_memory;
@@ -255,6 +168,7 @@ struct Simulation::Parts {
         n_threads(threads),
         plan(make_plan(s, threads)),
         walls(s),
+        drivers(scene, walls, plan.time_step.step),
         outlets(s),
         inlets(s, plan.time_step.step),
         particles(needs_of(s)),
@@ -266,7 +180,6 @@ struct Simulation::Parts {
         world(ranks),
         balancer(ranks, s.run.balance, threads) {
     wall_speed = fastest_wall(s);
-    scripts.resize(walls.scripted_walls().size());
     walls.move_to(0.0, dt);
     for (std::size_t k = 0; k < s.output.probes.size(); ++k)
       if (s.output.probes[k].kind == Probe::Kind::fields) fields.try_emplace(k, s, s.output.probes[k], ranks);
@@ -305,8 +218,6 @@ struct Simulation::Parts {
   void rebuild(const Births& births = {});
   void search_walls();
   void move_walls();
-  void ask_scripts();
-  void compare_scripts() const;
   bool balance();
   bool is_balance_due();
   Balancer::Measure measure() const;
@@ -648,56 +559,10 @@ void Simulation::Parts::search_walls() {
 
 /// To the time of the grains' new positions. Servos go by what the grains did to them in this step.
 void Simulation::Parts::move_walls() {
-  if (!walls.servo_walls().empty()) {
-    std::vector<ExactSum> pushes = contacts->wall_sums().pushes;
-    total(world, pushes);
-    for (std::size_t k = 0; k < pushes.size(); ++k) {
-      ServoState& state = walls.servo_states()[k];
-      state.speed = next_speed(walls.servo(k), state.speed, pushes[k].value(), dt);
-      state.place += dt * state.speed;
-    }
-  }
-  walls.advance_scripts(dt);
+  drivers.advance(world, contacts->wall_sums().pushes);
   walls.move_to(time(), dt);
   if (const double wander = walls.last_wander(); wander > max_travel * kind.smallest_radius)
     throw RunError(explain_fast_wall(guard_view(), wander, kind.smallest_radius));
-}
-
-/// What scripts say of the motion of walls over the steps until they are asked again: at the middle of that time, so that the path is
-/// of the second order in it.
-void Simulation::Parts::ask_scripts() {
-  for (std::size_t k = 0; k < scripts.size(); ++k) {
-    const WallDefinition& wall = scene.walls[static_cast<std::size_t>(walls.scripted_walls()[k])];
-    if (!scripts[k].function)
-      throw RunError("wall \"" + wall.name +
-                     "\" is to be moved by a script, and none has said how: give its function before the first step "
-                     "(Simulation.set_wall_motion in Python), after a restart as well");
-    if (step % scripts[k].every != 0) {
-      const ScriptState& held = walls.script_states()[k];
-      walls.give_rates(k, {held.velocity, held.spin}, false);
-      continue;
-    }
-    const double middle = (static_cast<double>(step) + 0.5 * static_cast<double>(scripts[k].every)) * dt;
-    const WallRates rates = scripts[k].function(middle);
-    if (const std::string fault = fault_of_rates(scene, wall, rates, walls.fastest_in_domain(k, rates)); !fault.empty())
-      throw RunError("wall \"" + wall.name + "\" is given " + fault + " by its script at time " +
-                     std::to_string(middle) + " s");
-    walls.give_rates(k, rates, step == 0);
-  }
-}
-
-/// Where ranks were told different motions, their bits part: at rebuilds they look.
-void Simulation::Parts::compare_scripts() const {
-  if (scripts.empty()) return;
-  std::vector<double> most;
-  for (const ScriptState& script : walls.script_states())
-    for (const double number : numbers_of(script)) most.insert(most.end(), {number, -number});
-  world.max(most);
-  for (std::size_t k = 0; k < most.size(); k += 2)
-    if (most[k] != -most[k + 1])
-      throw RunError("wall \"" +
-                     scene.walls[static_cast<std::size_t>(walls.scripted_walls()[k / (2 * n_script_numbers)])].name +
-                     "\" is moved differently by the scripts of the ranks: its function must depend on the time alone");
 }
 
 void Simulation::Parts::after_rebuild() {
@@ -710,7 +575,7 @@ void Simulation::Parts::after_rebuild() {
   if (time() >= next_wall_change) last_surprise = step;
   next_wall_change = walls.next_change(time());
   if (world.is_alone()) return;
-  compare_scripts();
+  drivers.compare_scripts(world);
   if (look()) look_at(step + 1);  // they are that fast
   count();
 }
@@ -1084,12 +949,7 @@ void Simulation::Parts::bear_grains() {
 
 /// What the run remembers besides its grains and gas, the same on all ranks.
 std::vector<double> Simulation::Parts::remembered() const {
-  std::vector<double> all;
-  for (const ServoState& servo : walls.servo_states()) all.insert(all.end(), {servo.place, servo.speed});
-  for (const ScriptState& script : walls.script_states()) {
-    const std::vector<double> numbers = numbers_of(script);
-    all.insert(all.end(), numbers.begin(), numbers.end());
-  }
+  std::vector<double> all = drivers.hashed();
   const std::vector<double> owed = inlets.hashed();
   all.insert(all.end(), owed.begin(), owed.end());
   if (scene.run.precision == Precision::mixed) all.push_back(mixed_precision);  // runs in double keep their hashes
@@ -1149,15 +1009,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
       p.probe_memory[k] = found->second;
   for (auto& [number, probe] : p.fields) probe.restore(image);
   p.force_maps.restore(world, image.accumulators);
-  for (std::size_t k = 0; k < p.walls.servo_states().size(); ++k) {
-    const auto& kept = kept_of_wall(image, servo_name(scene, p.walls, k), 2, "without this servo");
-    p.walls.servo_states()[k] = {kept[0], kept[1]};
-  }
-  for (std::size_t k = 0; k < p.scripts.size(); ++k) {
-    const std::string name = script_name(scene, p.walls, k);
-    ScriptState& state = p.walls.script_states()[k];
-    state = script_state_of(state.origin, kept_of_wall(image, name, n_script_numbers, "whose wall no script moves"));
-  }
+  p.drivers.restore(image.accumulators);
   p.walls.move_to(p.time(), p.dt);
   PairCarry pairs;
   WallCarry wall_memory;
@@ -1187,7 +1039,7 @@ Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 
 void Simulation::step() {
   Parts& p = *parts_;
-  p.ask_scripts();
+  p.drivers.ask_scripts(p.step);
   p.bear_from_inlets();
   p.advance_gas();
   const StepPlan todo = p.decide();
@@ -1248,21 +1100,7 @@ void Simulation::set_body_force(BodyForce force) {
 }
 
 void Simulation::set_wall_motion(const std::string& wall, WallFunction function, std::uint64_t every) {
-  if (!function || every == 0)
-    throw std::invalid_argument("a wall's motion needs a function, and at least 1 step between its calls");
-  Parts& p = *parts_;
-  std::string names;
-  for (std::size_t k = 0; k < p.scripts.size(); ++k) {
-    const std::string& name = p.scene.walls[static_cast<std::size_t>(p.walls.scripted_walls()[k])].name;
-    if (name == wall) {
-      p.scripts[k] = {std::move(function), every};
-      return;
-    }
-    names += (k == 0 ? "" : ", ") + name;
-  }
-  throw std::invalid_argument("no wall \"" + wall + "\" is moved by a script in this scene (" +
-                              (names.empty() ? "none is" : "there are: " + names) +
-                              "); its motion must be { type = \"script\", max_speed = ... }");
+  parts_->drivers.set_script(wall, std::move(function), every);
 }
 
 std::optional<FieldView> Simulation::view(Field field) {
@@ -1396,11 +1234,7 @@ Image Simulation::checkpoint() const {
   image.accumulators.merge(p.inlets.remembered(p.world));
   image.accumulators["energy_initial"] = {p.energy_initial};
   if (p.scene.run.precision == Precision::mixed) image.accumulators["precision"] = {mixed_precision};
-  for (std::size_t k = 0; k < p.walls.servo_states().size(); ++k)
-    image.accumulators[servo_name(p.scene, p.walls, k)] = {p.walls.servo_states()[k].place,
-                                                           p.walls.servo_states()[k].speed};
-  for (std::size_t k = 0; k < p.scripts.size(); ++k)
-    image.accumulators[script_name(p.scene, p.walls, k)] = numbers_of(p.walls.script_states()[k]);
+  p.drivers.keep(image.accumulators);
   for (std::size_t k = 0; k < p.probe_memory.size(); ++k)
     if (!p.probe_memory[k].empty()) image.accumulators["probe_" + p.scene.output.probes[k].name] = p.probe_memory[k];
   return image;
