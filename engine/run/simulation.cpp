@@ -1054,15 +1054,6 @@ void Simulation::step() {
   p.tick();
 }
 
-const char* name_of(Concern concern) {
-  switch (concern) {
-    case Concern::energy: return "energy";
-    case Concern::gas_balance: return "gas_balance";
-    case Concern::void_fraction: return "void_fraction";
-  }
-  return "";
-}
-
 void Simulation::begin_record(Concern concern) { parts_->begin_record(concern); }
 
 std::vector<FlightRecord> Simulation::take_records(bool is_end) { return parts_->recorder.take_followed(is_end); }

@@ -55,10 +55,6 @@ struct FlightRecord {
   std::string subject;    // of a warning; empty for a stop
 };
 
-/// What a run survives, but whoever reads its results must know.
-enum class Concern { energy, gas_balance, void_fraction };
-const char* name_of(Concern concern);
-
 /// Sets the acceleration [m/s2] of each of this rank's grains beside gravity and gas, three values a grain, in the order of the views.
 /// The values come as zeros.
 using BodyForce = std::function<void(std::span<double> acceleration)>;

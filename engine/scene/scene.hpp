@@ -396,12 +396,18 @@ enum class Precision { double_, mixed };
 /// ranks have, the cuts between ranks, both, or nothing.
 enum class Balance { automatic, threads, cuts, off };
 
+/// What a run survives, but whoever reads its results must know.
+enum class Concern { energy, gas_balance, void_fraction };
+inline constexpr std::array<const char*, 3> concern_names = {"energy", "gas_balance", "void_fraction"};
+constexpr const char* name_of(Concern concern) { return concern_names[static_cast<std::size_t>(concern)]; }
+
 struct RunControl {
   std::string layout = "auto";  // ranks x threads
   Balance balance = Balance::automatic;
   Precision precision = Precision::double_;
-  double skin = 0.0;         // [m]; 0: chosen
-  double max_overlap = 0.5;  // [-] of the smaller radius; beyond it the run stops
+  double skin = 0.0;                 // [m]; 0: chosen
+  double max_overlap = 0.5;          // [-] of the smaller radius; beyond it the run stops
+  std::vector<std::string> stop_on;  // names of concerns that end the run, not only warn
 };
 
 struct Scene {

@@ -198,6 +198,16 @@ void check_run(const Scene& scene, Findings& found) {
   if (!(run.max_overlap > 0.0 && run.max_overlap <= 1.0))
     found.error("run.max_overlap", "is {}; expected more than 0 and at most 1 (a share of the smaller radius)",
                 run.max_overlap);
+  const std::vector<std::string> known(concern_names.begin(), concern_names.end());
+  for (std::size_t i = 0; i < run.stop_on.size(); ++i) {
+    const std::string key = fmt::format("run.stop_on[{}]", i);
+    if (std::find(known.begin(), known.end(), run.stop_on[i]) == known.end())
+      found.error(key, "\"{}\" is no warning of a run{}; there are: {}", run.stop_on[i], nearest(run.stop_on[i], known),
+                  listing(known, known.size()));
+    else if (run.stop_on[i] == name_of(Concern::energy) ? !scene.output.energy : !scene.gas)
+      found.error(key, "\"{}\" is watched only in a scene with {}", run.stop_on[i],
+                  run.stop_on[i] == name_of(Concern::energy) ? "output.energy = true" : "[gas]");
+  }
 }
 
 }  // namespace

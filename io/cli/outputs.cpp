@@ -241,10 +241,14 @@ void Outputs::write_energy(Simulation& simulation) {
 }
 
 void Outputs::warn(Simulation& simulation, const std::vector<Warning>& warnings) {
+  const std::vector<std::string>& fatal = simulation.scene().run.stop_on;
   for (const Warning& warning : warnings) {
     simulation.begin_record(warning.concern);
-    log_->warn(fmt::format("{}\n  a record of the grains and cells concerned: {}*", warning.text,
-                           (directory_ / record_stem(name_of(warning.concern))).string()));
+    const bool is_fatal = std::find(fatal.begin(), fatal.end(), name_of(warning.concern)) != fatal.end();
+    if (is_fatal) reasons_to_stop_.push_back(warning);
+    log_->warn(fmt::format("{}\n  a record of the grains and cells concerned: {}*{}", warning.text,
+                           (directory_ / record_stem(name_of(warning.concern))).string(),
+                           is_fatal ? "; once it is complete the run ends (run.stop_on)" : ""));
   }
 }
 
@@ -256,7 +260,16 @@ std::string Outputs::keep(const FlightRecord& record) const {
 }
 
 void Outputs::write_records(Simulation& simulation, bool is_end) {
-  for (const FlightRecord& record : simulation.take_records(is_end)) write_record(directory_, record, world_);
+  std::string reasons;
+  for (const FlightRecord& record : simulation.take_records(is_end)) {
+    write_record(directory_, record, world_);
+    for (const Warning& warning : reasons_to_stop_)
+      if (record.subject == name_of(warning.concern)) reasons += (reasons.empty() ? "" : "\n  ") + warning.text;
+  }
+  if (reasons.empty()) return;
+  reasons_to_stop_.clear();
+  world_.wait_for_all();  // for the records of the others: whoever speaks first ends all
+  throw RunError("ended as run.stop_on asks: " + reasons);
 }
 
 void Outputs::watch_gas(Simulation& simulation) {

@@ -45,7 +45,8 @@ class Outputs {
   void write_checkpoint_now(const Simulation& simulation);
   /// Writes what is to be kept of a run that has ended so; where that is, in words for the end of its message. What cannot be written is left.
   std::string keep(const FlightRecord& record) const;
-  /// Flight records of warnings as far as they have come, at the end of a run. What cannot be written is left.
+  /// Flight records of warnings as far as they have come, at the end of a run. What cannot be written is left. Throws RunError where a warning
+  /// of run.stop_on is among them.
   void write_open_records(Simulation& simulation) { write_records(simulation, true); }
 
   std::optional<std::filesystem::path> last_checkpoint() const { return last_checkpoint_; }
@@ -103,6 +104,7 @@ class Outputs {
   std::optional<std::uint64_t> last_checkpoint_step_;
   double seconds_ = 0.0;
   Watch watch_;
+  std::vector<Warning> reasons_to_stop_;  // by run.stop_on, whose records are not complete yet
 };
 
 }  // namespace moraine

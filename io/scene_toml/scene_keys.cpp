@@ -918,6 +918,10 @@ const KeyTable<RunControl>& run_keys() {
              "\"double\""),
       value("skin", &RunControl::skin, {"m", "range beyond contact in which pairs are kept; 0: chosen"}),
       value("max_overlap", &RunControl::max_overlap, {"-", "overlap over the smaller radius at which the run stops"}),
+      value("stop_on", &RunControl::stop_on,
+            {"",
+             "warnings that end the run instead, once their flight record is complete: \"energy\" (an open ledger), "
+             "\"gas_balance\", \"void_fraction\" (many cells at their least for long)"}),
   }};
   return keys;
 }

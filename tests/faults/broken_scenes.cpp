@@ -330,6 +330,12 @@ const std::vector<Broken> table = {
      "31: key \"output.fields[0]\": \"gas_acceleration\" exists only in a scene with [gas] and a drag law"},
     {"unknown layout", "", "[run]\nlayout = \"4 threads\"",
      "31: key \"run.layout\": is \"4 threads\"; expected \"auto\" or ranks x threads such as \"2x4\""},
+    {"a warning to stop on that nobody gives", "", "[run]\nstop_on = [\"enrgy\"]",
+     "31: key \"run.stop_on[0]\": \"enrgy\" is no warning of a run; did you mean \"energy\"?; there are: \"energy\", "
+     "\"gas_balance\", \"void_fraction\""},
+    {"a warning to stop on of what is not watched", "", "[run]\nstop_on = [\"energy\", \"gas_balance\"]",
+     "31: key \"run.stop_on[0]\": \"energy\" is watched only in a scene with output.energy = true\n"
+     "scene.toml:31: key \"run.stop_on[1]\": \"gas_balance\" is watched only in a scene with [gas]"},
     // the text itself
     {"not TOML, with a letter outside ASCII that the parser would take for nothing", "end = 2.0", "end = 2.0 \xc3\xa9",
      "5:11: not TOML: Error while parsing key-value pair: expected a comment or whitespace, saw '\xc3\xa9'"},

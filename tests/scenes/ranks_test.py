@@ -34,8 +34,8 @@ DRIFTING = """[domain]
 low = [0, 0, 0]
 high = [0.1, 0.1, 0.1]
 [time]
-end = 22
-step = 6e-4
+end = 5
+step = 7e-4
 [[material]]
 name = "glass"
 density = 2500.0
@@ -53,7 +53,7 @@ fill = { count = 100 }
 name = "box"
 box = { low = [0, 0, 0], high = [0.1, 0.1, 0.1] }
 [output]
-snapshots = 10
+snapshots = 4
 energy = true
 """
 PATIENCE = 120  # [s] for what takes a second on an idle machine
@@ -275,6 +275,17 @@ class Ranks(unittest.TestCase):
                 self.assertGreaterEqual(len((out / f"flight_record_energy{rank}.csv").read_text().splitlines()), 33)
             hashes.add(state_hash(done.stdout))
         self.assertEqual(len(hashes), 1)
+
+    def test_where_the_scene_asks_for_it_an_open_energy_ledger_ends_the_run_once_its_record_is_complete(self):
+        path, out = self.folder / "drifting.toml", self.folder / "out"
+        path.write_text(DRIFTING)
+        done = self.moraine(1, "run", path, "--layout", "2x1", "--out", out, "--set", 'run.stop_on=["energy"]')
+        self.assertEqual(done.stderr.count("error: "), 1, done.stderr)
+        self.assertEqual(done.stderr.count("ended as run.stop_on asks: at 3.9998 s: the energy ledger is open by"), 1, done.stderr)
+        for rank in range(2):
+            rows = (out / f"flight_record_energy.rank-000{rank}.csv").read_text().splitlines()[1:]
+            steps = [int(row.split(",")[0]) for row in rows]
+            self.assertEqual((steps[0], steps[-1]), (5714, 5745))  # the 32 that follow the warning
 
     def test_a_rank_that_may_open_too_few_files_says_so_once(self):
         done = self.must_end(2, run(*MPIRUN, "-n", 2, "sh", "-c",
