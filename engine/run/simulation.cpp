@@ -29,6 +29,7 @@
 #include "engine/run/guard.hpp"
 #include "engine/run/image_check.hpp"
 #include "engine/run/image_rows.hpp"
+#include "engine/run/list_watch.hpp"
 #include "engine/run/probes.hpp"
 #include "engine/run/state_hash.hpp"
 #include "engine/run/step_watch.hpp"
@@ -131,29 +132,13 @@ struct Simulation::Parts {
   std::map<std::size_t, CoarseFields> fields;  // of probes, by number
   ForceMaps force_maps;
 
-  // Until when the pair list is good.
-  double skin = 0.0;        // [m]
-  bool is_list_old = true;  // it must be rebuilt, however little has moved
-  double travelled = 0.0;   // [m] no two grains have come nearer to each other than by twice this since the rebuild
-  double travelled_to_walls = 0.0;   // [m] none has come further since the last search for walls
-  bool are_walls_of_rebuild = true;  // no search since the rebuild
-  double next_wall_change = 0.0;     // [s]
-  double wall_speed = 0.0;           // [m/s] no wall ever moves faster
-  std::uint64_t n_rebuilds = 0, n_wall_searches = 0, steps_since_rebuild = 0;
+  ListWatch list;
   StepResult result;
   StepWatch watch;
 
   FlightRecorder recorder;
 
-  // Several ranks: when they look next at how far all have come, and what they divide.
   World world;
-  std::uint64_t next_look = 0, last_surprise = 0, n_looks = 0;  // [steps]
-  std::uint64_t agreed_look = 0,
-                n_early_looks = 0;  // agreed: when they last looked; a rank in need calls for it earlier
-  int n_hops = 0;                   // steps that news takes from any rank to all others
-  double fastest_nearby = 0.0;      // [m/s] grain or wall of this rank and its neighbours
-  double speed_gained = 0.0;        // [m/s] by the fastest in the last step
-  double pull = 0.0;  // [m/s2] largest acceleration of a grain by gravity, gas and others, when the ranks last looked
   bool is_stop_wanted = false, is_stop_agreed = false;
   std::uint64_t n_cuts = 0;
 
@@ -179,41 +164,24 @@ struct Simulation::Parts {
         recorder(s.run.max_overlap),
         world(ranks),
         balancer(ranks, s.run.balance, threads) {
-    wall_speed = fastest_wall(s);
     walls.move_to(0.0, dt);
     for (std::size_t k = 0; k < s.output.probes.size(); ++k)
       if (s.output.probes[k].kind == Probe::Kind::fields) fields.try_emplace(k, s, s.output.probes[k], ranks);
   }
 
   double time() const { return static_cast<double>(step) * dt; }
-  double mean_diameter() const { return 10.0 * plan.skin; }  // [m] as the plan has it
-  /// How much nearer walls may come by themselves before they must be looked for anew, and how far grains may go [m]
-  /// (WallContacts has room for both).
-  double allowed_wander() const { return 0.5 * skin * (1.0 - 1e-9); }
-  double allowed_travel_to_walls() const { return skin * (1.0 - 1e-9); }
-  double allowed_travel() const { return 0.5 * skin * (1.0 - 1e-9); }
   GuardView guard_view() const {
     return {scene, particles, *contacts, walls, time(), dt, step, plan.time_step.steps_per_contact};
   }
+  ListView list_view() { return {*contacts, particles, walls, stopwatch, step, time(), result.max_speed, n_threads}; }
 
   void bear_grains();
   void make_contacts();
-  void choose_skin();
-  double widest_skin() const;
   void advance_gas();
   StepPlan decide();
   bool look();
-  void look_at(std::uint64_t when);
-  void tell();
-  double speed_gain() const;
-  void foresee();
-  void check_travel(const Travelled& measured);
-  void check_neighbours(double travelled_before);
   [[noreturn]] void stop_for_stale_list();
   void divide(Subdomains subdomains);
-  Travelled measure_travel();
-  bool is_rebuild_better(double n_steps) const;
-  bool must_search_walls();
   double largest_push() const;
   void rebuild(const Births& births = {});
   void search_walls();
@@ -259,8 +227,7 @@ void Simulation::Parts::make_contacts() {
   contacts.emplace(scene, walls, kind, world);
   watch = StepWatch(scene, plan.time_step, kind.smallest_radius);
   contacts->watch_overlaps_beyond(recorder.watched_overlap());
-  skin = plan.skin;
-  choose_skin();
+  list = ListWatch(scene, plan, kind, contacts->range(), world.is_alone(), step);
   if (!world.is_alone()) cut({});
 }
 
@@ -274,7 +241,7 @@ void Simulation::Parts::cut(std::span<const float> weights) {
       positions.push_back(particles.position(i));
       if (!weights.empty()) those_here.push_back(weights[static_cast<std::size_t>(i)]);
     }
-  const double widest = moraine::widest_skin(scene, plan) + contacts->range();
+  const double widest = widest_skin(scene, plan) + contacts->range();
   const bool is_even = scene.run.balance == Balance::off || scene.run.balance == Balance::threads;
   divide(is_even ? decompose_evenly(world, world.size(), scene, kind.largest_radius, widest)
                  : decompose(world, world.size(), positions, those_here, scene, kind.largest_radius, widest));
@@ -282,7 +249,7 @@ void Simulation::Parts::cut(std::span<const float> weights) {
 }
 
 void Simulation::Parts::divide(Subdomains subdomains) {
-  n_hops = subdomains.most_hops();
+  list.set_hops(subdomains.most_hops());
   contacts->set_subdomains(std::move(subdomains));
 }
 
@@ -311,17 +278,17 @@ Balancer::Measure Simulation::Parts::measure() const {
     now.all_worked += work.working;
     now.all_held += work.held;
   }
-  now.n_rebuilds = n_rebuilds;
+  now.n_rebuilds = list.n_rebuilds();
   return now;
 }
 
 /// Looks where the work is by now: cores may change hands, for which a rebuild is the moment, and cuts may move (true).
 bool Simulation::Parts::balance() {
-  if (forced_threads) balancer.force(forced_threads(n_rebuilds));
+  if (forced_threads) balancer.force(forced_threads(list.n_rebuilds()));
   bool moves_cuts = false;
   if (are_equal_boxes_forced) {
     are_equal_boxes_forced = false;
-    divide(decompose_evenly(world, world.size(), scene, kind.largest_radius, moraine::widest_skin(scene, plan)));
+    divide(decompose_evenly(world, world.size(), scene, kind.largest_radius, widest_skin(scene, plan)));
   } else if (is_balance_due()) {
     const Balancer::Decision decision = balancer.look(measure());
     moves_cuts = decision.moves_cuts;
@@ -335,39 +302,6 @@ bool Simulation::Parts::balance() {
   }
   n_threads = balancer.n_threads();
   return moves_cuts;
-}
-
-double Simulation::Parts::widest_skin() const {
-  double widest = infinity;
-  for (int axis = 0; axis < 3; ++axis)
-    if (scene.domain.periodic[static_cast<std::size_t>(axis)])
-      widest = std::min(widest, scene.domain.box().size()[axis] - 2.0 * kind.largest_radius - contacts->range());
-  return widest;
-}
-
-/// The skin is a matter of speed only. A rebuild costs about as much as nine steps, and a wider skin s adds about 1.1 s/d to
-/// their cost (d the mean diameter; pairs that are too far apart to touch are not swept); with N steps between rebuilds, N in
-/// proportion to s, the sum 9/N + 1.1 s/d is least at N s/d = 8, which each rebuild moves towards.
-void Simulation::Parts::choose_skin() {
-  if (scene.run.skin <= 0.0 && n_rebuilds > 1 && steps_since_rebuild > 0) {
-    const double diameter = mean_diameter();
-    const double wanted = std::sqrt(8.0 * diameter / (static_cast<double>(steps_since_rebuild) * skin));
-    skin = std::clamp(skin * std::clamp(wanted, 0.7, 1.4), 0.01 * diameter, moraine::widest_skin(scene, plan));
-  }
-  const double widest = widest_skin();
-  if (!(widest > 1e-6 * kind.largest_radius) && kind.largest_radius > 0.0)
-    throw SceneError(
-        {{"domain", "a periodic direction is not wider than the largest grain: no room to tell a grain from its image",
-          false}});
-  skin = std::min(skin, widest);
-}
-
-/// Takes the place of the bounds, which add up the fastest grain of every step.
-Travelled Simulation::Parts::measure_travel() {
-  const Travelled measured = contacts->travelled(particles, n_threads);
-  travelled = measured.of_pairs();
-  if (are_walls_of_rebuild) travelled_to_walls = measured.furthest;
-  return measured;
 }
 
 /// The largest acceleration that the gas gives a grain, or the body force has given it in the last step [m/s2].
@@ -403,146 +337,56 @@ void Simulation::Parts::advance_gas() {
     stop_for_gas(error.what());
   }
   balancer.enter_grain_phases();
-  look_at(step);  // what was foreseen without knowing how the gas would push
+  list.look_at(step, list_view());  // what was foreseen without knowing how the gas would push
 }
 
 StepPlan Simulation::Parts::decide() {
+  const ListView now = list_view();
   StepPlan todo;
-  todo.rebuild = is_list_old || time() >= next_wall_change;
-  if (todo.rebuild) return todo;
-  if (world.is_alone()) {
-    if (travelled > allowed_travel()) {
-      start(Phase::look);
-      measure_travel();
-      const double left = 0.95 * allowed_travel() - travelled;
-      todo.rebuild = !(left > 0.0) || is_rebuild_better(left / (result.max_speed * dt));
-    }
-  } else {
-    next_look = std::min(next_look, contacts->ghosts().own().next_look);  // others may have called
-    if (step >= next_look) {
-      start(Phase::look);
-      n_early_looks += step < agreed_look ? 1 : 0;
-      todo.rebuild = look();
-    } else {
-      foresee();
-    }
+  if (list.is_old(time())) {
+    todo.rebuild = true;
+  } else if (world.is_alone()) {
+    todo.rebuild = list.is_used_up(now);
+  } else if (list.is_look_due(now)) {
+    start(Phase::look);
+    todo.rebuild = look();
+  } else if (!list.foresee(now)) {
+    stop_for_stale_list();
   }
-  todo.search_walls = !todo.rebuild && must_search_walls();
+  todo.search_walls = !todo.rebuild && list.must_search_walls(now);
   return todo;
 }
 
-/// True where a look would gain no more than so many steps, few beside those since the rebuild.
-bool Simulation::Parts::is_rebuild_better(double n_steps) const {
-  return n_steps < std::max(1.0, 0.125 * static_cast<double>(steps_since_rebuild));
-}
-
-/// Candidates are good until walls or grains have used up the room that they were given.
-bool Simulation::Parts::must_search_walls() {
-  if (walls.is_any_moving() && walls.wander() > allowed_wander()) return true;
-  if (walls.surfaces().empty() || travelled_to_walls <= allowed_travel_to_walls()) return false;
-  if (are_walls_of_rebuild) {
-    start(Phase::look);
-    measure_travel();
-  }
-  return travelled_to_walls > allowed_travel_to_walls();
-}
-
-/// How much faster than the fastest grain one may become in a collision: two of the same mass, both at that speed, can give all their energy
-/// to one (sqrt 2); a light grain that runs head-on into a heavy one comes back up to three times as fast.
-double Simulation::Parts::speed_gain() const {
-  return std::max(1.5, (3.0 * kind.mass_ratio - 1.0) / (kind.mass_ratio + 1.0));
-}
-
-/// All ranks look how far their grains have come since the rebuild, and agree: to rebuild now (true), or when to look again. Between looks
-/// they need not talk: even if the grain that has come furthest becomes as fast as a collision can make it, and falls freely besides,
-/// it stays within what the list allows. Nobody looks more than twice as far ahead as it has seen since the start, or since
-/// a wall has come or gone. Where a look would gain little, the rebuild comes at once.
+/// All ranks look how far their grains have come since the rebuild, and agree: to rebuild now (true), or when to look again. What else they must
+/// all know goes along.
 bool Simulation::Parts::look() {
-  ++n_looks;
-  measure_travel();
-  std::array<double, 5> most = {travelled, result.max_speed, is_stop_wanted ? 1.0 : 0.0, largest_push(),
+  const ListView now = list_view();
+  std::array<double, 5> most = {list.measure(now), result.max_speed, is_stop_wanted ? 1.0 : 0.0, largest_push(),
                                 watch.fastest()};
   world.max(most);
   watch.see(most[4], time());
   is_stop_agreed = most[2] > 0.0;
-  const double left = 0.95 * (allowed_travel() - most[0]);
-  if (!(left > 0.0)) return true;
-  // How many steps until that is used up: v n + g n (n + 1) / 2 = left, v and g in metres a step.
-  pull = length(scene.time.gravity) + most[3];
-  const double g = pull * dt * dt, v = speed_gain() * (most[1] + wall_speed) * dt + 0.5 * g;
-  const double reach =
-      std::floor(2.0 * left / (v + std::sqrt(v * v + 2.0 * g * left)));  // infinite where nothing moves
-  if (is_rebuild_better(reach)) return true;
   const double furthest = body_force ? 1.0
                           : gas      ? std::min<double>(64.0, static_cast<double>(gas->until_next(step)))
                                      : 64.0;
-  const double n = std::min({furthest, 2.0 * static_cast<double>(step - last_surprise) + 1.0, reach});
-  look_at(step + static_cast<std::uint64_t>(n));
-  return false;
-}
-
-/// All ranks agree on it.
-void Simulation::Parts::look_at(std::uint64_t when) {
-  next_look = agreed_look = when;
-  tell();
-}
-
-void Simulation::Parts::tell() {
-  if (!world.is_alone()) contacts->tell({next_look, travelled, result.max_speed});
-}
-
-/// Between looks. What was foreseen at the last one holds unless grains have become faster than one collision makes them. Where
-/// they have, and this rank could not wait any longer, it calls the others to look early: the call goes with the messages of each step
-/// from neighbour to neighbour, and so all know of it in the step in which they look.
-void Simulation::Parts::foresee() {
-  // How far the furthest may come until the step before the earliest look that all can still be told of.
-  const double n = n_hops;
-  const double speed = std::max(speed_gain() * fastest_nearby, fastest_nearby + n * speed_gained);
-  const double ahead = n * dt * speed + 0.5 * n * (n + 1.0) * pull * dt * dt;
-  const std::uint64_t earliest = step + static_cast<std::uint64_t>(n_hops) + 1;
-  const auto is_time = [&] { return earliest < next_look && travelled + ahead > allowed_travel(); };
-  // Who is near a grain that is about to have come too far must know how far its own have come, not only a bound of it.
-  const double theirs = contacts->ghosts().heard().travelled, margin = dt * speed;
-  const bool is_asked =
-      theirs + margin > allowed_travel() && travelled + theirs + 2.0 * margin > 2.0 * allowed_travel();
-  if (is_time() || is_asked || travelled > allowed_travel()) {
-    const Travelled measured = measure_travel();
-    if (is_time()) next_look = earliest;
-    check_travel(measured);
-  }
-  tell();
-}
-
-/// A grain of the border further than half the skin from its place at the rebuild still meets nobody who is not in the list, as long as no
-/// grain of another rank has come further than the rest of the skin (check_neighbours), and all who have such grains say so.
-void Simulation::Parts::check_travel(const Travelled& measured) {
-  if (measured.of_pairs() <= allowed_travel()) return;
-  if (measured.nearer <= allowed_travel() && contacts->ghosts().hears_all_near()) return;
-  stop_for_stale_list();
-}
-
-/// Other ranks' grains count as well; what they say of them comes with the messages of the step.
-void Simulation::Parts::check_neighbours(double travelled_before) {
-  const double heard = contacts->ghosts().heard().travelled;
-  const bool is_mine = travelled_before > allowed_travel() && travelled_before >= heard;  // one rank speaks
-  if (is_mine && travelled_before + heard > 2.0 * allowed_travel()) stop_for_stale_list();
+  return list.agree(now, {most[0], most[1], most[3], furthest});
 }
 
 void Simulation::Parts::stop_for_stale_list() {
   const std::int32_t fastest = fastest_grain(particles);
-  stop(explain_stale_list(guard_view(), travelled, skin, n_hops),
+  stop(explain_stale_list(guard_view(), list.travelled(), list.skin(), list.n_hops()),
        fastest < 0 ? std::vector<std::int32_t>() : std::vector{fastest});
 }
 
 void Simulation::Parts::rebuild(const Births& births) {
   start(Phase::rebuild);
-  ++n_rebuilds;
   if (contacts->are_set_aside()) trim_heap();  // of the image
-  choose_skin();
-  const double before = n_rebuilds > 1 ? stopwatch.seconds(Phase::rebuild) / static_cast<double>(n_rebuilds - 1) : 0.0;
+  const auto n_before = static_cast<double>(list.n_rebuilds());
+  list.begin_rebuild();
+  const double before = n_before > 0.0 ? stopwatch.seconds(Phase::rebuild) / n_before : 0.0;
   const double begin = threads::now();
   const bool is_cut = balance();
-  contacts->rebuild(particles, skin, time(), n_threads, births);
+  contacts->rebuild(particles, list.skin(), time(), n_threads, births);
   after_rebuild();
   if (is_cut) balancer.note_cut(step, threads::now() - begin - before);
 }
@@ -550,11 +394,9 @@ void Simulation::Parts::rebuild(const Births& births) {
 /// Walls have moved under the grains: what these may touch is looked for anew. No rank asks another.
 void Simulation::Parts::search_walls() {
   start(Phase::rebuild);
-  ++n_wall_searches;
-  contacts->search_walls(particles, skin, time(), n_threads);
+  contacts->search_walls(particles, list.skin(), time(), n_threads);
   walls.mark();
-  travelled_to_walls = 0.0;
-  are_walls_of_rebuild = false;
+  list.note_wall_search();
 }
 
 /// To the time of the grains' new positions. Servos go by what the grains did to them in this step.
@@ -567,16 +409,11 @@ void Simulation::Parts::move_walls() {
 
 void Simulation::Parts::after_rebuild() {
   walls.mark();
-  is_list_old = false;
-  travelled = travelled_to_walls = 0.0;
-  are_walls_of_rebuild = true;
-  steps_since_rebuild = 0;
   n_left_at_rebuild = census.n_left();
-  if (time() >= next_wall_change) last_surprise = step;
-  next_wall_change = walls.next_change(time());
+  list.note_rebuild(list_view());
   if (world.is_alone()) return;
   drivers.compare_scripts(world);
-  if (look()) look_at(step + 1);  // they are that fast
+  if (look()) list.look_at(step + 1, list_view());  // they are that fast
   count();
 }
 
@@ -605,21 +442,14 @@ Kick Simulation::Parts::kick_of(double h) const {
 void Simulation::Parts::advance() {
   start(Phase::advance);
   // Velocities start at the positions, and are half a step behind them from then on: the first step's kick, and what walls do in it, is half as long.
-  contacts->advance(particles, kick_of(step == 0 ? 0.5 * dt : dt), dt, travelled, n_threads, result,
+  contacts->advance(particles, kick_of(step == 0 ? 0.5 * dt : dt), dt, list.travelled(), n_threads, result,
                     step == 0 ? 0.5 : 1.0);
   if (step == 0 && particles.has(Field::dissipated)) {  // rates are counted for half a step at the start
     double* const lost = particles.dissipated();
     for (std::ptrdiff_t i = 0; i < particles.size(); ++i) lost[4 * i] *= 0.5;
   }
   if (!force_maps.empty()) force_maps.add(contacts->triangle_forces());
-  if (!world.is_alone()) check_neighbours(travelled);
-  travelled += result.max_speed * dt;
-  travelled_to_walls += result.max_speed * dt;
-  if (world.is_alone()) return;
-  const double fastest = std::max(result.max_speed, contacts->ghosts().heard().max_speed) + wall_speed;
-  speed_gained = std::max(0.0, fastest - std::exchange(fastest_nearby, fastest));
-  next_look = std::min(next_look, contacts->ghosts().own().next_look);
-  tell();
+  if (!list.note_step(list_view())) stop_for_stale_list();
 }
 
 /// The outlet that takes the grain in this step, or -1.
@@ -675,7 +505,7 @@ std::vector<std::int32_t> Simulation::Parts::leavers_inside() const {
 void Simulation::Parts::bear_from_inlets() {
   if (inlets.empty() || !inlets.is_due(step)) return;
   start(Phase::rebuild);
-  if (contacts->are_set_aside() || time() >= next_wall_change) rebuild();
+  if (contacts->are_set_aside() || list.has_wall_changed(time())) rebuild();
   contacts->refresh(particles);
   const std::vector<Newborn> born =
       inlets.bear(step, {world, contacts->subdomains(), particles, walls, time()}, n_ever_born);
@@ -815,7 +645,6 @@ void Simulation::Parts::guard() {
 
 void Simulation::Parts::tick() {
   ++step;
-  ++steps_since_rebuild;
   move_walls();
   start(Phase::observe);
 }
@@ -845,7 +674,7 @@ void Simulation::Parts::take_memory(Image& image) {
     gather_memory(particles, *contacts, image);
     return;
   }
-  is_list_old = true;
+  list.set_old();
   contacts->release_index();
   trim_heap();
   gather_memory(particles, *contacts, image);
@@ -1000,7 +829,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
     throw SceneError({{"domain", "is not the one that the checkpoint was written with", false}});
   expect_precision(scene, image);
   expect_possible(scene, p.walls.surfaces().size(), image);
-  p.step = p.last_surprise = p.step_of_balance = image.step;
+  p.step = p.step_of_balance = image.step;
   p.energy_initial = kept_number(image.accumulators, "energy_initial");
   p.has_energy_initial = scene.output.energy;
   for (std::size_t k = 0; k < p.probe_memory.size(); ++k)
@@ -1028,7 +857,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
   }
   p.make_contacts();
   forget_lists(p.scene);
-  p.contacts->restore(p.particles, std::move(pairs), std::move(wall_memory), p.skin, p.time(), n_threads);
+  p.contacts->restore(p.particles, std::move(pairs), std::move(wall_memory), p.list.skin(), p.time(), n_threads);
   p.after_rebuild();
   p.start(Phase::observe);
 }
@@ -1085,7 +914,7 @@ void Simulation::forget_stop() { parts_->is_stop_wanted = parts_->is_stop_agreed
 void Simulation::set_body_force(BodyForce force) {
   Parts& p = *parts_;
   p.body_force = std::move(force);
-  p.look_at(p.step);
+  p.list.look_at(p.step, p.list_view());
   p.push.clear();
   p.contacts->set_push(nullptr);
 }
@@ -1113,7 +942,7 @@ void Simulation::grains_changed() {
     p.world.broadcast(fault, static_cast<int>(first - has_fault.begin()));
     throw std::invalid_argument(fault);
   }
-  p.is_list_old = true;
+  p.list.set_old();
   p.contacts->grains_changed();
 }
 const Scene& Simulation::scene() const { return parts_->scene; }
@@ -1124,10 +953,10 @@ double Simulation::time_step() const { return parts_->dt; }
 std::uint64_t Simulation::n_born() const { return parts_->n_born; }
 std::uint64_t Simulation::n_left() const { return parts_->n_left; }
 std::uint64_t Simulation::n_grains() const { return n_born() - n_left(); }
-std::uint64_t Simulation::n_rebuilds() const { return parts_->n_rebuilds; }
-std::uint64_t Simulation::n_wall_searches() const { return parts_->n_wall_searches; }
-std::uint64_t Simulation::n_looks() const { return parts_->n_looks; }
-std::uint64_t Simulation::n_early_looks() const { return parts_->n_early_looks; }
+std::uint64_t Simulation::n_rebuilds() const { return parts_->list.n_rebuilds(); }
+std::uint64_t Simulation::n_wall_searches() const { return parts_->list.n_wall_searches(); }
+std::uint64_t Simulation::n_looks() const { return parts_->list.n_looks(); }
+std::uint64_t Simulation::n_early_looks() const { return parts_->list.n_early_looks(); }
 std::vector<std::string> Simulation::take_notes() { return std::exchange(parts_->notes, {}); }
 double Simulation::memory() const {
   const Parts& p = *parts_;
@@ -1167,7 +996,7 @@ std::vector<std::string> Simulation::keep_to_cores() { return parts_->balancer.k
 void Simulation::force_counting() { parts_->balancer.count_only(); }
 void Simulation::force_equal_boxes() {
   parts_->are_equal_boxes_forced = !parts_->world.is_alone();
-  parts_->is_list_old = true;
+  parts_->list.set_old();
 }
 void Simulation::force_threads(std::function<int(std::uint64_t)> choose) { parts_->forced_threads = std::move(choose); }
 
@@ -1181,7 +1010,7 @@ void Simulation::begin_force_maps() { parts_->force_maps.begin(); }
 
 Hash128 Simulation::state_hash() const {
   // A wall that vanishes in this very step takes what its contacts remember along.
-  if (parts_->contacts->are_set_aside() || parts_->time() >= parts_->next_wall_change) parts_->rebuild();
+  if (parts_->contacts->are_set_aside() || parts_->list.has_wall_changed(parts_->time())) parts_->rebuild();
   parts_->contacts->refresh(parts_->particles);  // so that ghosts' contacts know who has left or crossed a face
   return moraine::state_hash(parts_->world, parts_->particles, *parts_->contacts, parts_->step, parts_->remembered(),
                              parts_->gas ? &*parts_->gas : nullptr);
