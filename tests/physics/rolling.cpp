@@ -159,3 +159,25 @@ TEST_CASE("two spheres that roll on each other slow down by mu_r R* F_n", "[roll
     CHECK(spin + state.spin[1].z == Approx(slower).epsilon(0.005));
   }
 }
+
+TEST_CASE("where a sphere that rolls against spring and dashpot comes to rest has a limit for short steps",
+          "[rolling]") {
+  // So fast at first that the dashpot alone is beyond the limit: what the spring holds when it begins to hold must not depend on the step. Soft,
+  // so that much of the way is rolled on it.
+  const double mu_r = 0.2, damping = 0.5, mass = mass_of(density, radius);
+  const double limit = mu_r * radius * mass * g, k_r = limit / 0.5, inertia = 1.4 * mass * radius * radius;
+  const double dashpot = 2.0 * damping * std::sqrt(inertia * k_r);
+  const auto rest = [&](double step) {
+    Scene scene = sphere_on_plane({RollingLaw::spring, mu_r, damping}, 2.0 * limit / dashpot * radius);
+    scene.contact.pairs[0].rolling_stiffness = k_r;
+    scene.time.step = step;
+    Simulation run(scene, 1);
+    while (run.time() < 0.5) run.step();
+    return place_of(run);
+  };
+  const double coarse = rest(4e-4), finer = rest(1e-4), finest = rest(2.5e-5);
+  report("from 4e-4 to 1e-4 s the place changes by %.1e m, from there to 2.5e-5 s by %.1e m, of %.5f m", coarse - finer,
+         finer - finest, finest);
+  CHECK(std::abs(coarse - finer) < 1e-4 * finest);
+  CHECK(std::abs(finer - finest) < std::abs(coarse - finer) / 3.0);
+}

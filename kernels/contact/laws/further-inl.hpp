@@ -179,8 +179,8 @@ HWY_INLINE Rolling<Real> rolling_constant(const Bodies<Real>& bodies, Lanes3<Rea
   return r;
 }
 
-/// Elastic-plastic spring and dashpot (model C of Ai et al. 2011): -k_r theta - c_r omega, both scaled alike to mu_r R* F_n where they are
-/// beyond it, as the tangential spring is.
+/// Elastic-plastic spring and dashpot (model C of Ai et al. 2011): -k_r theta - c_r omega, together at most mu_r R* F_n, as the tangential
+/// spring is.
 template <typename Real>
 HWY_INLINE Rolling<Real> rolling_spring(const Motion<Real>& m, const Bodies<Real>& bodies, Lanes3<Real> spin,
                                         Lanes3<Real> before, Lanes<Real> limit, Lanes<Real> k_r, Lanes<Real> damping,
@@ -193,11 +193,7 @@ HWY_INLINE Rolling<Real> rolling_spring(const Motion<Real>& m, const Bodies<Real
   const Lanes<Real> b = damping * sqrt(k_r), b_dt = b * step;
   const Lanes<Real> dashpot = b * (sqrt(fma(b_dt, b_dt, 4.0 / bodies.rolling_mobility)) - b_dt);
   r.torque = fma(-k_r, r.angle, Lanes3<Real>{-(dashpot * spin.x), -(dashpot * spin.y), -(dashpot * spin.z)});
-  const Lanes<Real> square = dot(r.torque, r.torque);
-  r.yields = square > limit * limit;
-  const Lanes<Real> scale = select(r.yields, limit / sqrt(square), 1.0);
-  r.torque = scale * r.torque;
-  r.angle = scale * r.angle;
+  r.yields = hold_to_limit(limit, k_r, dashpot, spin, r.angle, r.torque);
   r.energy = 0.5 * k_r * dot(r.angle, r.angle);
   r.lost_dashpot = select(r.yields, 0.0, step * dashpot * dot(spin, spin));
   const Lanes3<Real> pull = fma(0.5 * k_r, before - r.angle, -1.0 * r.torque);

@@ -111,17 +111,13 @@ struct TangentialForce {
   LaneMask<Real> slides;  // at Coulomb's limit
 };
 
-/// Scales f to Coulomb's limit mu F_n where it is beyond; `scale` is by how much (1 elsewhere).
+/// Scales f to Coulomb's limit mu F_n where it is beyond.
 template <typename Real>
-HWY_INLINE LaneMask<Real> cap(const Constants<Real>& c, Lanes<Real> f_n, Lanes3<Real>& f, Lanes<Real>& scale) {
+HWY_INLINE LaneMask<Real> cap(const Constants<Real>& c, Lanes<Real> f_n, Lanes3<Real>& f) {
   const Lanes<Real> limit = c.mu * max(f_n, 0.0);
   const Lanes<Real> square = dot(f, f);
   const LaneMask<Real> beyond = square > limit * limit;
-  scale = 1.0;
-  if (any(beyond)) {
-    scale = select(beyond, limit / sqrt(square), scale);
-    f = scale * f;
-  }
+  if (any(beyond)) f = select(beyond, limit / sqrt(square), 1.0) * f;
   return beyond;
 }
 
@@ -132,27 +128,33 @@ HWY_INLINE Lanes3<Real> advance_displacement(const Motion<Real>& m, Lanes3<Real>
   return fnma(dot(h, m.normal), m.normal, h);
 }
 
-/// Spring and dashpot under Coulomb's cap (Cundall & Strack 1979): F_t = -k_t h - gamma_t v_t. Where it slides, the spring keeps what
-/// the limit leaves of it beside the dashpot, k_t h = -F_t - gamma_t v_t, but along the force never less than nothing. (Without
+/// Scales the force -k h - g v of a spring and a dashpot to a limit where it is beyond it; those lanes. There the spring keeps what
+/// the limit leaves of it beside the dashpot, k h = -F - g v, but along the force never less than nothing. (Without
 /// this bound it is wound backwards where the dashpot alone is beyond the limit, as when a contact begins; a Mindlin
 /// contact, which then stiffens, pushes along the motion.) Across the force it takes up the dashpot as well: spring and dashpot of the
 /// next step then point where those of this one did, and friction turns towards the motion with the way that is slid. (A spring
 /// laid along the force would turn with the number of steps.)
 template <typename Real>
+HWY_INLINE LaneMask<Real> hold_to_limit(Lanes<Real> limit, Lanes<Real> k, Lanes<Real> g, Lanes3<Real> v,
+                                        Lanes3<Real>& h, Lanes3<Real>& force) {
+  const Lanes<Real> square = dot(force, force);
+  const LaneMask<Real> beyond = square > limit * limit;
+  if (none(beyond)) return beyond;
+  const Lanes<Real> inverse = 1.0 / sqrt(square);
+  const Lanes<Real> held = max(limit, -(g * inverse) * dot(v, force));  // by spring and dashpot, along the force
+  h = select(beyond, -1.0 / k, 1.0) * select(beyond, fma(held * inverse, force, g * v), h);
+  force = select(beyond, limit * inverse, 1.0) * force;
+  return beyond;
+}
+
+/// Spring and dashpot under Coulomb's cap (Cundall & Strack 1979): F_t = -k_t h - gamma_t v_t.
+template <typename Real>
 HWY_INLINE TangentialForce<Real> spring(const Constants<Real>& c, const Motion<Real>& m, Lanes<Real> f_n,
                                         Lanes3<Real> h, Lanes<Real> time, Lanes<Real> k_t, Lanes<Real> g_t) {
   TangentialForce<Real> t;
-  const Lanes<Real> zero(0.0);
   t.h = advance_displacement(m, h, time);
   t.force = fma(-k_t, t.h, -g_t * m.v_t);
-  const Lanes<Real> limit = c.mu * max(f_n, zero), square = dot(t.force, t.force);
-  t.slides = square > limit * limit;
-  if (none(t.slides)) return t;
-  const Lanes<Real> inverse = 1.0 / sqrt(square);
-  const Lanes<Real> held =
-      max(limit, -(g_t * inverse) * dot(m.v_t, t.force));  // by spring and dashpot, along the force
-  t.h = select(t.slides, -1.0 / k_t, 1.0) * select(t.slides, fma(held * inverse, t.force, g_t * m.v_t), t.h);
-  t.force = select(t.slides, limit * inverse, 1.0) * t.force;
+  t.slides = hold_to_limit(c.mu * max(f_n, 0.0), k_t, g_t, m.v_t, t.h, t.force);
   return t;
 }
 
@@ -191,9 +193,8 @@ HWY_INLINE TangentialForce<Real> power(const Constants<Real>& c, const Motion<Re
   const PowerCurve<Real> curve = power_curve(min(size / delta_max, 1.0));
   t.after = (limit * curve.slope / delta_max) * t.h;
   t.force = fma(-g_t, m.v_t, -1.0 * t.after);
-  Lanes<Real> scale;
   // past delta_max it slides, though without a dashpot only round-off tells its force from the limit
-  t.slides = cap(c, f_n, t.force, scale) | (size > delta_max);
+  t.slides = cap(c, f_n, t.force) | (size > delta_max);
   t.energy = limit * delta_max * curve.integral;
   const Lanes<Real> size_before = sqrt(dot(h, h));
   const PowerCurve<Real> before = power_curve(min(size_before / delta_max, 1.0));
@@ -235,8 +236,7 @@ HWY_INLINE ContactForce<Real> contact_force(const Constants<Real>& c, const Moti
   } else if constexpr (tangential == TangentialLaw::viscous) {
     const Lanes<Real> g_t = onset.constant * c.g_t;
     f.tangential = -(g_t / fma(g_t, c.half_kick, 1.0)) * m.v_t;
-    Lanes<Real> scale;
-    const LaneMask<Real> slides = cap(c, n.total, f.tangential, scale);
+    const LaneMask<Real> slides = cap(c, n.total, f.tangential);
     if constexpr (has_ledger) {
       const Lanes<Real> lost = -(dt * dot(f.tangential, fma(c.half_kick, f.tangential, m.v_t)));
       f.energy = 0.0;

@@ -168,13 +168,24 @@ double energy_of_break(CohesionLaw law, const PairParameters& p, const Reference
   return at_break.normal_energy;
 }
 
-/// Scales the force to the limit where it is beyond; `scale` is by how much.
-bool cap(double limit, Vec3& force, double& scale) {
+/// Scales the force to the limit where it is beyond.
+bool cap(double limit, Vec3& force) {
   const double size = length(force);
-  scale = 1.0;
   if (!(size > limit)) return false;
-  scale = limit / size;
-  force = scale * force;
+  force = (limit / size) * force;
+  return true;
+}
+
+/// Scales the force of a spring k (stretched by h) and a dashpot g to the limit where it is beyond. The spring then keeps what the limit leaves of it
+/// beside the dashpot, along the force never less than nothing.
+bool hold_to_limit(double limit, double k, double g, Vec3 v, Vec3& h, Vec3& force) {
+  const double size = length(force);
+  if (!(size > limit)) return false;
+  const Vec3 along = -force / size;  // the way that the spring is stretched
+  const double by_dashpot = g * dot(v, along);
+  const Vec3 across = v - dot(v, along) * along;
+  h = (std::max(limit - by_dashpot, 0.0) * along - g * across) / k;
+  force = -limit * along;
   return true;
 }
 
@@ -210,9 +221,7 @@ Resistance roll(const LawChoice& laws, const PairParameters& p, const ReferenceC
   const double c_r =
       dashpot(p[Parameter::rolling_damping], k_r, mirror * (about_contact(c.a) + about_contact(c.b)), dt);
   r.torque = -k_r * r.angle - c_r * spin;
-  double scale = 1.0;
-  r.yields = cap(limit, r.torque, scale);
-  r.angle = scale * r.angle;
+  r.yields = hold_to_limit(limit, k_r, c_r, spin, r.angle, r.torque);
   r.energy = 0.5 * k_r * squared_length(r.angle);
   r.lost_dashpot = r.yields ? 0.0 : dt * c_r * squared_length(spin);
   r.work = dt * dot(0.5 * k_r * (c.angle - r.angle) - r.torque, spin);
@@ -307,26 +316,19 @@ ReferenceForce reference_contact(const LawChoice& laws, const PairParameters& p,
   h -= dot(h, n) * n;
   Vec3 f_t;
   bool slides = false;
-  double scale = 1.0;
   double work = 0.0;  // on the contact in the step
   switch (tangential) {
     case TangentialLaw::none: h = {}; break;
     case TangentialLaw::viscous:
       h = {};
       f_t = -k.tangential_dashpot / (1.0 + 0.5 * dt * s_t * k.tangential_dashpot) * v_t;
-      slides = cap(limit, f_t, scale);
+      slides = cap(limit, f_t);
       work = -dt * dot(f_t, v_t + 0.5 * dt * s_t * f_t);
       break;
     case TangentialLaw::spring:
     case TangentialLaw::mindlin:
       f_t = -(k.tangential * h + k.tangential_dashpot * v_t);
-      if (const double pull = length(f_t); pull > limit) {
-        const Vec3 along = -f_t / pull;  // the way that the spring is stretched
-        const double by_dashpot = k.tangential_dashpot * dot(v_t, along);
-        const Vec3 across = v_t - dot(v_t, along) * along;
-        h = (std::max(limit - by_dashpot, 0.0) * along - k.tangential_dashpot * across) / k.tangential;
-      }
-      slides = cap(limit, f_t, scale);
+      slides = hold_to_limit(limit, k.tangential, k.tangential_dashpot, v_t, h, f_t);
       out.energy_tangential = 0.5 * k.tangential * squared_length(h);
       work = -dt * dot(f_t + k.tangential * h, v_t + 0.5 * dt * s_t * f_t) +
              0.5 * time * k.tangential * dot(c.displacement + h, v_t);
@@ -345,7 +347,7 @@ ReferenceForce reference_contact(const LawChoice& laws, const PairParameters& p,
         return pull * (1.0 - std::pow(1.0 - std::min(stretch / delta_max, 1.0), 1.5)) / stretch * d;
       };
       f_t -= spring(h);
-      slides = cap(limit, f_t, scale) || size > delta_max;
+      slides = cap(limit, f_t) || size > delta_max;
       work = -dt * dot(f_t + spring(h), v_t + 0.5 * dt * s_t * f_t) +
              0.5 * time * dot(spring(c.displacement) + spring(h), v_t);
       out.energy_tangential = pull * delta_max * (x - 0.4 * (1.0 - std::pow(1.0 - x, 2.5)));
