@@ -69,6 +69,17 @@ ConcernedCells GasPhase::find_concerned() {
   return flow ? moraine::find_concerned(view(), coupling_.share().block(world_.rank()), flow->worst_cell()) : no_cells;
 }
 
+std::vector<ConcernedCells> GasPhase::find_concerned_of_all() {
+  const ConcernedCells own = find_concerned();
+  std::vector<double> numbers;
+  for (const auto& cell : own) numbers.insert(numbers.end(), cell.begin(), cell.end());
+  const std::vector<double> all = world_.gather(std::span<const double>(numbers));
+  std::vector<ConcernedCells> cells(all.size() / numbers.size(), no_cells);
+  for (std::size_t n = 0; n < all.size(); ++n)
+    cells[n / numbers.size()][n % numbers.size() / 3][n % 3] = static_cast<int>(all[n]);
+  return cells;
+}
+
 std::string GasPhase::rows_of_cells(const ConcernedCells& cells, double time) {
   GasFlow* const flow = coupling_.flow();
   if (!flow) return {};

@@ -42,6 +42,8 @@ class GasPhase {
 
   /// For flight records: this rank's cells that are worth a look, these and those around them as CSV, and the last gas steps as CSV.
   ConcernedCells find_concerned();
+  /// Those of each rank, for the rank that has a cell need not have the grains in it. All ranks.
+  std::vector<ConcernedCells> find_concerned_of_all();
   std::string rows_of_cells(const ConcernedCells& cells, double time);
   std::string rows_of_steps() const { return steps_.text(); }
   const GasGrid& grid() const { return coupling_.grid(); }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <vector>
 
 #include "engine/scene/checks.hpp"
@@ -62,6 +63,18 @@ std::string cure(const GuardView& view) {
 }
 
 std::string head(const GuardView& view) { return fmt::format("step {}, t = {:.6g} s: ", view.step, view.time); }
+
+/// A contact at the start that is deeper than allowed.
+std::string explain_start_overlap(const GuardView& view, const ContactReport& contact) {
+  const Vec3 p = view.particles.position(contact.grain);
+  const std::string other = contact.other >= 0 ? fmt::format("grain {}", view.particles.gid(contact.other))
+                                               : other_text(view, contact, contact.grain);
+  return fmt::format(
+      "at the start grain {} at ({:.6g}, {:.6g}, {:.6g}) m overlaps {} by {:.3g} of the smaller radius; at most {} is "
+      "allowed: move the grains apart or away from the wall",
+      view.particles.gid(contact.grain), p.x, p.y, p.z, other, contact.overlap / contact.smaller_radius,
+      checks::max_start_overlap);
+}
 
 }  // namespace
 
@@ -163,17 +176,6 @@ std::string explain_outside(const GuardView& view, std::int32_t grain) {
                           grain_text(view, grain), face, face);
 }
 
-std::string explain_start_overlap(const GuardView& view, const ContactReport& contact) {
-  const Vec3 p = view.particles.position(contact.grain);
-  const std::string other = contact.other >= 0 ? fmt::format("grain {}", view.particles.gid(contact.other))
-                                               : other_text(view, contact, contact.grain);
-  return fmt::format(
-      "at the start grain {} at ({:.6g}, {:.6g}, {:.6g}) m overlaps {} by {:.3g} of the smaller radius; at most {} is "
-      "allowed: move the grains apart or away from the wall",
-      view.particles.gid(contact.grain), p.x, p.y, p.z, other, contact.overlap / contact.smaller_radius,
-      checks::max_start_overlap);
-}
-
 std::string explain_stale_list(const GuardView& view, double travelled, double skin, int n_hops) {
   const std::int32_t fastest = fastest_grain(view.particles);
   return head(view) + fmt::format(
@@ -184,6 +186,45 @@ std::string explain_stale_list(const GuardView& view, double travelled, double s
                           2.0 * travelled, skin, n_hops == 1 ? std::string("a step") : fmt::format("{} steps", n_hops),
                           fastest < 0 ? std::string() : " (the fastest is " + grain_text(view, fastest) + ")",
                           4.0 * travelled);
+}
+
+void check_start(const GuardView& view, const World& world) {
+  std::string worst;
+  std::uint64_t n_deep = 0, first = ~std::uint64_t{0};
+  view.contacts.for_each_contact(view.particles, view.dt, [&](const ContactReport& c) {
+    if (!c.is_ours || !(c.overlap > checks::max_start_overlap * c.smaller_radius)) return;
+    ++n_deep;
+    if (view.particles.gid(c.grain) >= first) return;
+    first = view.particles.gid(c.grain);
+    worst = explain_start_overlap(view, c);
+  });
+  world.sum(std::span(&n_deep, 1));
+  if (n_deep == 0) return;
+  const std::vector<std::uint64_t> firsts = world.gather(first);
+  world.broadcast(worst, static_cast<int>(std::min_element(firsts.begin(), firsts.end()) - firsts.begin()));
+  if (n_deep > 1) worst += " (" + std::to_string(n_deep) + " such contacts)";
+  throw SceneError({{"particles", worst, false}});
+}
+
+std::string fault_of_grains(const GuardView& view, std::uint64_t n_left) {
+  const Particles& particles = view.particles;
+  const Box box = view.scene.domain.box();
+  const auto is_finite = [](Vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); };
+  std::uint64_t n_away = 0;
+  for (std::int32_t i = 0; i < particles.size(); ++i) {
+    if (!particles.is_here(i)) {
+      ++n_away;
+      continue;
+    }
+    const bool is_sound = is_finite(particles.position(i)) && is_finite(particles.velocity(i)) &&
+                          is_finite(particles.angular_velocity(i));
+    if (is_sound && box.contains(particles.position(i))) continue;
+    return "the grain with gid " + std::to_string(particles.gid(i)) +
+           (is_sound ? " has been put outside the domain"
+                     : " has been given a position or velocity that is not finite");
+  }
+  if (n_away != n_left) return "a grain has been given a position that is not a number";
+  return {};
 }
 
 }  // namespace moraine

@@ -1,8 +1,10 @@
-// When a run runs away: which grain, what it touches, why it is likely and what to do.
+// When a run runs away, or begins with what it cannot have: which grain, what it touches, why it is likely and what to do.
 #pragma once
 
+#include <cstdint>
 #include <string>
 
+#include "comm/world.hpp"
 #include "engine/contacts/contacts.hpp"
 #include "engine/particles/particles.hpp"
 #include "engine/scene/scene.hpp"
@@ -30,12 +32,16 @@ std::string explain_not_finite(const GuardView& view);
 std::string explain_speed(const GuardView& view, std::int32_t grain);
 /// A wall moves so far in a step [m] that contacts of grains of that radius [m] are missed.
 std::string explain_fast_wall(const GuardView& view, double wander, double smallest_radius);
-/// A contact at the start that is deeper than allowed.
-std::string explain_start_overlap(const GuardView& view, const ContactReport& contact);
 /// Two grains may have come nearer to each other by twice `travelled` [m] before the ranks looked: more than the skin of the pair list [m].
 std::string explain_stale_list(const GuardView& view, double travelled, double skin, int n_hops);
 /// Grain outside the domain where there is no outlet.
 std::string explain_outside(const GuardView& view, std::int32_t grain);
+
+/// Throws SceneError, on all ranks, with the contact of lowest gid that is deeper than a start allows. All ranks.
+void check_start(const GuardView& view, const World& world);
+/// What is wrong with positions and velocities that come from outside, where so many of this rank's grains have left and still have a place;
+/// empty where nothing is.
+std::string fault_of_grains(const GuardView& view, std::uint64_t n_left);
 
 /// Index of the grain of lowest gid whose velocity is not finite, or -1.
 std::int32_t first_not_finite(const Particles& particles);

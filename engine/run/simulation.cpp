@@ -14,9 +14,6 @@
 
 #include "comm/totals.hpp"
 #include "engine/contacts/contacts.hpp"
-#include "engine/openings/inlets.hpp"
-#include "engine/openings/outlets.hpp"
-#include "engine/particles/fill.hpp"
 #include "engine/particles/particles.hpp"
 #include "engine/run/balance.hpp"
 #include "engine/run/census.hpp"
@@ -29,14 +26,14 @@
 #include "engine/run/guard.hpp"
 #include "engine/run/image_check.hpp"
 #include "engine/run/image_rows.hpp"
+#include "engine/run/kicks.hpp"
 #include "engine/run/list_watch.hpp"
+#include "engine/run/population.hpp"
 #include "engine/run/probes.hpp"
 #include "engine/run/state_hash.hpp"
 #include "engine/run/step_watch.hpp"
 #include "engine/run/wall_drivers.hpp"
-#include "engine/scene/checks.hpp"
 #include "engine/scene/lists.hpp"
-#include "engine/threads.hpp"
 #include "engine/walls/walls.hpp"
 
 namespace moraine {
@@ -109,8 +106,7 @@ struct Simulation::Parts {
   Plan plan;
   Walls walls;
   WallDrivers drivers;
-  Outlets outlets;
-  Inlets inlets;
+  Population population;
   Particles particles;
   std::optional<Contacts> contacts;
   std::optional<GasPhase> gas;
@@ -119,11 +115,6 @@ struct Simulation::Parts {
 
   std::uint64_t step = 0;
   double dt = 0.0;
-  CensusTaker census;                    // of this rank
-  std::uint64_t n_left_at_rebuild = 0;   // of this rank: who has left since then still has a place in the arrays
-  std::uint64_t n_born = 0, n_left = 0;  // of all ranks, when they last counted
-  std::uint64_t n_ever_born = 0;         // of all ranks, always: the next gid
-  std::vector<std::string> notes;        // what a user should know
   BodyForce body_force;
   std::vector<double> push;  // [m/s2] three values a grain, with what the gas gives; empty without body force
   double energy_initial = 0.0;
@@ -154,11 +145,9 @@ struct Simulation::Parts {
         plan(make_plan(s, threads)),
         walls(s),
         drivers(scene, walls, plan.time_step.step),
-        outlets(s),
-        inlets(s, plan.time_step.step),
+        population(scene, ranks, plan.time_step.step),
         particles(needs_of(s)),
         dt(plan.time_step.step),
-        census(s.materials.size(), s.outlets.size()),
         probe_memory(s.output.probes.size()),
         force_maps(s, walls),
         recorder(s.run.max_overlap),
@@ -175,7 +164,6 @@ struct Simulation::Parts {
   }
   ListView list_view() { return {*contacts, particles, walls, stopwatch, step, time(), result.max_speed, n_threads}; }
 
-  void bear_grains();
   void make_contacts();
   void advance_gas();
   StepPlan decide();
@@ -191,31 +179,20 @@ struct Simulation::Parts {
   Balancer::Measure measure() const;
   void cut(std::span<const float> weights);
   void start(Phase phase) { stopwatch.start(phase, phase == Phase::gas ? balancer.n_gas_threads() : n_threads); }
-  void count();
-  Kick kick_of(double h) const;
   void advance();
   void cross_faces();
   void apply_body_force();
-  std::string fault_of_grains() const;
   void guard();
   [[noreturn]] void stop(const std::string& why, const std::vector<std::int32_t>& grains);
   [[noreturn]] void stop_for_gas(const std::string& why);
   void begin_record(Concern concern);
-  std::vector<ConcernedCells> concerned_cells();
   void tick();
 
   void after_rebuild();
-  int outlet_of(std::int32_t i) const;
-  void remove(std::int32_t i, std::size_t outlet);
-  std::vector<std::int32_t> leavers_inside() const;
   void bear_from_inlets();
-  double energy_of(std::int32_t i) const;
-  void check_start();
   void renew_list();
   void take_memory(Image& image);
-  CensusTaker full_census() const;
   std::size_t memory_of_probes() const;
-  Kick kick_to_positions() const;
   std::vector<double> sample_fields(CoarseFields& probe);
   EnergyLedger energy();
   std::vector<double> remembered() const;
@@ -409,40 +386,18 @@ void Simulation::Parts::move_walls() {
 
 void Simulation::Parts::after_rebuild() {
   walls.mark();
-  n_left_at_rebuild = census.n_left();
+  population.note_rebuild();
   list.note_rebuild(list_view());
   if (world.is_alone()) return;
   drivers.compare_scripts(world);
   if (look()) list.look_at(step + 1, list_view());  // they are that fast
-  count();
-}
-
-/// How many grains there are by now, on all ranks.
-void Simulation::Parts::count() {
-  std::array<std::uint64_t, 2> counts = {census.n_born(), census.n_left()};
-  world.sum(counts);
-  n_born = counts[0];
-  n_left = counts[1];
-}
-
-/// A kick over h [s].
-Kick Simulation::Parts::kick_of(double h) const {
-  const double c = scene.time.damping;
-  Kick kick;
-  kick.keep = (1.0 - 0.5 * c * h) / (1.0 + 0.5 * c * h);
-  kick.gain = h / (1.0 + 0.5 * c * h);
-  kick.time = h;
-  kick.drift = dt;
-  kick.drag_loss = 0.25 * c * h;
-  kick.gravity = scene.time.gravity;
-  kick.is_flat = scene.domain.dimensions == 2;
-  return kick;
+  population.count();
 }
 
 void Simulation::Parts::advance() {
   start(Phase::advance);
   // Velocities start at the positions, and are half a step behind them from then on: the first step's kick, and what walls do in it, is half as long.
-  contacts->advance(particles, kick_of(step == 0 ? 0.5 * dt : dt), dt, list.travelled(), n_threads, result,
+  contacts->advance(particles, kick_of(scene, step == 0 ? 0.5 * dt : dt, dt), dt, list.travelled(), n_threads, result,
                     step == 0 ? 0.5 : 1.0);
   if (step == 0 && particles.has(Field::dissipated)) {  // rates are counted for half a step at the start
     double* const lost = particles.dissipated();
@@ -452,131 +407,23 @@ void Simulation::Parts::advance() {
   if (!list.note_step(list_view())) stop_for_stale_list();
 }
 
-/// The outlet that takes the grain in this step, or -1.
-int Simulation::Parts::outlet_of(std::int32_t i) const {
-  const Vec3 now = particles.position(i);
-  return outlets.taking(now - dt * particles.velocity(i), now, time(), static_cast<double>(step + 1) * dt);
-}
-
-/// Kinetic, rotational and potential [J].
-double Simulation::Parts::energy_of(std::int32_t i) const {
-  const double mass = 1.0 / particles.inverse_mass(i);
-  double energy =
-      0.5 * mass * squared_length(particles.velocity(i)) - mass * dot(scene.time.gravity, particles.position(i));
-  if (scene.contact.rotation)
-    energy += 0.5 / particles.inverse_inertia(i) * squared_length(particles.angular_velocity(i));
-  return energy;
-}
-
-void Simulation::Parts::remove(std::int32_t i, std::size_t outlet) {
-  census.count_left(particles.material(i), 1.0 / particles.inverse_mass(i), outlet);
-  if (world.is_alone()) n_left = census.n_left();
-  if (const int inlet = inlets.find(scene.outlets[outlet].recycles); inlet >= 0)
-    inlets.take_back(static_cast<std::size_t>(inlet), {particles.gid(i), particles.radius(i), particles.material(i)});
-  contacts->clear_memory(particles, i);
-  if (scene.output.energy) {
-    census.energy_left.add(energy_of(i));
-    for (int k = 0; k < 4; ++k) census.energy_left.add(particles.dissipated()[4 * static_cast<std::ptrdiff_t>(i) + k]);
-  }
-  for (int c = 0; c < 3; ++c) {
-    particles.set_real(Field::position, i, c, std::numeric_limits<double>::quiet_NaN());
-    particles.set_real(Field::velocity, i, c, 0.0);
-    if (scene.contact.rotation) particles.set_real(Field::angular_velocity, i, c, 0.0);
-  }
-}
-
-/// Grains inside the domain that an outlet takes, ascending.
-std::vector<std::int32_t> Simulation::Parts::leavers_inside() const {
-  std::vector<std::int32_t> all;
-  if (!outlets.are_inside()) return all;
-  const Box box = scene.domain.box();
-  std::vector<std::vector<std::int32_t>> found(static_cast<std::size_t>(n_threads));
-  parallel(n_threads, [&](int thread) {
-    const Range share = share_of(particles.size(), thread, n_threads);
-    for (std::int64_t i = share.begin; i < share.end; ++i)
-      if (particles.is_here(i) && box.contains(particles.position(i)) && outlet_of(static_cast<std::int32_t>(i)) >= 0)
-        found[static_cast<std::size_t>(thread)].push_back(static_cast<std::int32_t>(i));
-  });
-  for (const std::vector<std::int32_t>& part : found) all.insert(all.end(), part.begin(), part.end());
-  return all;
-}
-
 /// What inlets owe and find room for comes in, with the rebuild that it takes.
 void Simulation::Parts::bear_from_inlets() {
-  if (inlets.empty() || !inlets.is_due(step)) return;
+  if (!population.is_birth_due(step)) return;
   start(Phase::rebuild);
   if (contacts->are_set_aside() || list.has_wall_changed(time())) rebuild();
   contacts->refresh(particles);
-  const std::vector<Newborn> born =
-      inlets.bear(step, {world, contacts->subdomains(), particles, walls, time()}, n_ever_born);
-  for (std::string& note : inlets.take_notes()) notes.push_back(std::move(note));
+  const std::vector<Newborn> born = population.bear(step, {world, contacts->subdomains(), particles, walls, time()});
   if (born.empty()) return;
-  n_ever_born += born.size();
-  std::vector<const Newborn*> own;
   for (const Newborn& grain : born) result.max_speed = std::max(result.max_speed, length(grain.seed.velocity));
-  for (const Newborn& grain : born)
-    if (world.is_alone() || contacts->subdomains().owner(grain.seed.position) == world.rank()) own.push_back(&grain);
-  rebuild({static_cast<std::int32_t>(own.size()), [&](std::int32_t first) {
-             for (std::int32_t n = 0; n < static_cast<std::int32_t>(own.size()); ++n) {
-               const Newborn& grain = *own[static_cast<std::size_t>(n)];
-               const std::int32_t i = first + n;
-               put_grain(scene, grain.seed, grain.gid, particles, i);
-               census.count_born(grain.seed.material, 1.0 / particles.inverse_mass(i));
-               if (scene.output.energy) census.energy_left.add(-energy_of(i));
-             }
-           }});
-  n_born = n_ever_born;
+  rebuild(population.births_of(born, contacts->subdomains(), particles));
 }
 
 void Simulation::Parts::cross_faces() {
   start(Phase::faces);
-  const Box box = scene.domain.box();
-  std::vector<std::int32_t> outside = result.outside;
-  const std::vector<std::int32_t> leavers = leavers_inside();
-  outside.insert(outside.end(), leavers.begin(), leavers.end());
-  std::sort(outside.begin(), outside.end(),
-            [&](std::int32_t x, std::int32_t y) { return particles.gid(x) < particles.gid(y); });
-  for (const std::int32_t i : outside) {
-    // A coordinate is wrapped in the step in which the grain crosses, because wrapping rounds.
-    std::array<int, 3> steps{};
-    for (int axis = 0; axis < 3; ++axis) {
-      if (!scene.domain.periodic[static_cast<std::size_t>(axis)]) continue;
-      const double x = particles.position(i)[axis], period = box.high[axis] - box.low[axis];
-      int& by = steps[static_cast<std::size_t>(axis)];
-      by = x < box.low[axis] ? 1 : x >= box.high[axis] ? -1 : 0;
-      if (by == 0) continue;
-      double wrapped = x + by * period;
-      // rounding may put a grain just outside one face onto, or just outside, the other
-      if (wrapped >= box.high[axis] || wrapped < box.low[axis]) wrapped = box.low[axis];
-      particles.set_real(Field::position, i, axis, wrapped);
-    }
-    if (steps[0] || steps[1] || steps[2]) contacts->shift_images(i, steps);
-    if (const int outlet = outlet_of(i); outlet >= 0)
-      remove(i, static_cast<std::size_t>(outlet));
-    else if (!box.contains(particles.position(i)))
-      stop(explain_outside(guard_view(), i), {i});
-  }
-}
-
-/// What is wrong with positions and velocities that come from outside; empty where nothing is.
-std::string Simulation::Parts::fault_of_grains() const {
-  const Box box = scene.domain.box();
-  const auto is_finite = [](Vec3 v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); };
-  std::uint64_t n_away = 0;
-  for (std::int32_t i = 0; i < particles.size(); ++i) {
-    if (!particles.is_here(i)) {
-      ++n_away;
-      continue;
-    }
-    const bool is_sound = is_finite(particles.position(i)) && is_finite(particles.velocity(i)) &&
-                          is_finite(particles.angular_velocity(i));
-    if (is_sound && box.contains(particles.position(i))) continue;
-    return "the grain with gid " + std::to_string(particles.gid(i)) +
-           (is_sound ? " has been put outside the domain"
-                     : " has been given a position or velocity that is not finite");
-  }
-  if (n_away != census.n_left() - n_left_at_rebuild) return "a grain has been given a position that is not a number";
-  return {};
+  const std::int32_t lost = population.cross_faces(
+      result.outside, {particles, *contacts, time(), static_cast<double>(step + 1) * dt, n_threads});
+  if (lost >= 0) stop(explain_outside(guard_view(), lost), {lost});
 }
 
 /// The run ends here, with the last steps of the grains concerned.
@@ -595,18 +442,6 @@ void Simulation::Parts::stop_for_gas(const std::string& why) {
                                {}});
 }
 
-/// Of all ranks: the rank that has a cell need not have the grains in it.
-std::vector<ConcernedCells> Simulation::Parts::concerned_cells() {
-  const ConcernedCells own = gas->find_concerned();
-  std::vector<double> numbers;
-  for (const auto& cell : own) numbers.insert(numbers.end(), cell.begin(), cell.end());
-  const std::vector<double> all = world.gather(std::span<const double>(numbers));
-  std::vector<ConcernedCells> cells(all.size() / numbers.size(), no_cells);
-  for (std::size_t n = 0; n < all.size(); ++n)
-    cells[n / numbers.size()][n % numbers.size() / 3][n % 3] = static_cast<int>(all[n]);
-  return cells;
-}
-
 void Simulation::Parts::begin_record(Concern concern) {
   renew_list();
   FlightRecord record;
@@ -615,7 +450,7 @@ void Simulation::Parts::begin_record(Concern concern) {
     recorder.follow(guard_view(), most_moved_grains(guard_view()), std::move(record));
     return;
   }
-  const std::vector<ConcernedCells> cells = concerned_cells();
+  const std::vector<ConcernedCells> cells = gas->find_concerned_of_all();
   record.gas_cells = gas->rows_of_cells(cells[static_cast<std::size_t>(world.rank())], time());
   record.gas_steps = gas->rows_of_steps();
   recorder.follow(guard_view(), grains_in(gas->grid(), cells, particles, most_grains_of_cell), std::move(record));
@@ -649,24 +484,6 @@ void Simulation::Parts::tick() {
   start(Phase::observe);
 }
 
-void Simulation::Parts::check_start() {
-  std::string worst;
-  std::uint64_t n_deep = 0, first = ~std::uint64_t{0};
-  contacts->for_each_contact(particles, dt, [&](const ContactReport& c) {
-    if (!c.is_ours || !(c.overlap > checks::max_start_overlap * c.smaller_radius)) return;
-    ++n_deep;
-    if (particles.gid(c.grain) >= first) return;
-    first = particles.gid(c.grain);
-    worst = explain_start_overlap(guard_view(), c);
-  });
-  world.sum(std::span(&n_deep, 1));
-  if (n_deep == 0) return;
-  const std::vector<std::uint64_t> firsts = world.gather(first);
-  world.broadcast(worst, static_cast<int>(std::min_element(firsts.begin(), firsts.end()) - firsts.begin()));
-  if (n_deep > 1) worst += " (" + std::to_string(n_deep) + " such contacts)";
-  throw SceneError({{"particles", worst, false}});
-}
-
 /// What contacts remember, for an image. Alone, as the image weighs as much as the list, the list goes meanwhile: the next rebuild
 /// takes what pairs remember back from it.
 void Simulation::Parts::take_memory(Image& image) {
@@ -693,14 +510,6 @@ void Simulation::Parts::renew_list() {
   contacts->refresh(particles);
 }
 
-/// What all ranks have counted, with the energy that springs took along.
-CensusTaker Simulation::Parts::full_census() const {
-  CensusTaker own = census;
-  own.energy_left.add(contacts->energy_left());
-  own.wall_work.add(contacts->wall_sums().work);
-  return own.total(world);
-}
-
 /// Of those that keep sums on grids and triangles [bytes].
 std::size_t Simulation::Parts::memory_of_probes() const {
   std::size_t bytes = force_maps.memory();
@@ -708,22 +517,12 @@ std::size_t Simulation::Parts::memory_of_probes() const {
   return bytes;
 }
 
-/// The kick that brings velocities, which are half a step late, to the time of the positions.
-Kick Simulation::Parts::kick_to_positions() const {
-  const double h = step == 0 ? 0.0 : 0.5 * dt;  // how late they are
-  const double c = scene.time.damping;
-  Kick kick = kick_of(h);
-  kick.keep = 1.0 / (1.0 + c * h);
-  kick.gain = h / (1.0 + c * h);
-  kick.drift = 0.0;
-  return kick;
-}
-
 /// With the velocities that go with the forces of now, so that momentum balances to the second order in the step.
 std::vector<double> Simulation::Parts::sample_fields(CoarseFields& probe) {
   renew_list();
   apply_body_force();
-  const Contacts::Velocities now = contacts->velocities_now(particles, kick_to_positions(), dt, n_threads);
+  const Contacts::Velocities now =
+      contacts->velocities_now(particles, kick_to_positions(scene, step, dt), dt, n_threads);
   const double* const pushes = push.empty() ? particles.gas_acceleration() : push.data();
   return probe.add({particles, *contacts, now.linear, pushes, time(), dt, n_threads});
 }
@@ -731,11 +530,11 @@ std::vector<double> Simulation::Parts::sample_fields(CoarseFields& probe) {
 EnergyLedger Simulation::Parts::energy() {
   renew_list();
   apply_body_force();
-  const Kick half_kick = kick_to_positions();
+  const Kick half_kick = kick_to_positions(scene, step, dt);
   const Contacts::Velocities now = contacts->velocities_now(particles, half_kick, dt, n_threads);
   EnergyLedger ledger =
       take_ledger(world, particles, *contacts, now, scene.time.gravity, scene.time.damping, 2.0 * half_kick.time);
-  const CensusTaker all = full_census();
+  const CensusTaker all = population.total(*contacts);
   ledger.left = all.energy_left.value();
   // Half of what walls do in the present step is done at the positions.
   ExactSum present;
@@ -752,34 +551,10 @@ EnergyLedger Simulation::Parts::energy() {
   return ledger;
 }
 
-/// Each rank gives birth to its share. The first rebuild hands them over to those that they belong to.
-void Simulation::Parts::bear_grains() {
-  std::string problem;
-  try {
-    const DealtGrains born = deal_grains(scene, n_threads, world);
-    put_grains(scene, born.seeds, born.gids, particles);
-  } catch (const SceneError& error) {
-    if (world.is_alone()) throw;
-    problem = error.what();
-  }
-  const std::vector<std::uint64_t> has_problem = world.gather(std::uint64_t{!problem.empty()});
-  const auto first = std::find(has_problem.begin(), has_problem.end(), 1);
-  if (first != has_problem.end()) {
-    world.broadcast(problem, static_cast<int>(first - has_problem.begin()));
-    throw SceneError({{"", problem, false}});
-  }
-  for (std::int32_t i = 0; i < particles.size(); ++i)
-    census.count_born(particles.material(i), 1.0 / particles.inverse_mass(i));
-  count();
-  n_ever_born = n_born;
-  if (is_scattered(scene) && n_born != plan.n_grains)
-    throw std::logic_error("the lists of the scene were read by other ranks than those that run it");
-}
-
 /// What the run remembers besides its grains and gas, the same on all ranks.
 std::vector<double> Simulation::Parts::remembered() const {
   std::vector<double> all = drivers.hashed();
-  const std::vector<double> owed = inlets.hashed();
+  const std::vector<double> owed = population.hashed();
   all.insert(all.end(), owed.begin(), owed.end());
   if (scene.run.precision == Precision::mixed) all.push_back(mixed_precision);  // runs in double keep their hashes
   return all;
@@ -806,12 +581,14 @@ Simulation::Simulation(const Scene& scene, int n_threads, const World& world) {
   check(scene, world);
   parts_ = std::make_unique<Parts>(scene, n_threads, world);
   Parts& p = *parts_;
-  p.bear_grains();
+  p.population.bear_first(p.particles, n_threads);
+  if (is_scattered(scene) && p.population.n_born() != p.plan.n_grains)
+    throw std::logic_error("the lists of the scene were read by other ranks than those that run it");
   if (scene.gas) p.gas.emplace(scene, p.plan, world, n_threads);
   p.make_contacts();
   forget_lists(p.scene);
   p.rebuild();
-  p.check_start();
+  check_start(p.guard_view(), world);
   if (scene.output.energy) p.energy();
   p.start(Phase::observe);
 }
@@ -843,14 +620,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
   PairCarry pairs;
   WallCarry wall_memory;
   put_rows(world, image, p.particles, pairs, wall_memory);
-  CensusTaker inside = p.census;
-  for (std::int32_t i = 0; i < p.particles.size(); ++i)
-    inside.count_born(p.particles.material(i), 1.0 / p.particles.inverse_mass(i));
-  const CensusTaker census = CensusTaker::from(image.accumulators, inside.total(world));
-  if (world.is_root()) p.census = census;  // once over all ranks
-  p.n_born = p.n_ever_born = census.n_born();
-  p.n_left = census.n_left();
-  p.inlets.restore(image.accumulators);
+  p.population.restore(image.accumulators, p.particles);
   if (scene.gas) {
     p.gas.emplace(scene, p.plan, world, n_threads);
     p.gas->restore(image);
@@ -935,7 +705,7 @@ void Simulation::remove_left() {
 
 void Simulation::grains_changed() {
   Parts& p = *parts_;
-  std::string fault = p.fault_of_grains();
+  std::string fault = fault_of_grains(p.guard_view(), p.population.n_away());
   const std::vector<std::uint64_t> has_fault = p.world.gather(std::uint64_t{!fault.empty()});
   const auto first = std::find(has_fault.begin(), has_fault.end(), 1);
   if (first != has_fault.end()) {
@@ -950,14 +720,14 @@ const Plan& Simulation::plan() const { return parts_->plan; }
 std::uint64_t Simulation::step_number() const { return parts_->step; }
 double Simulation::time() const { return parts_->time(); }
 double Simulation::time_step() const { return parts_->dt; }
-std::uint64_t Simulation::n_born() const { return parts_->n_born; }
-std::uint64_t Simulation::n_left() const { return parts_->n_left; }
+std::uint64_t Simulation::n_born() const { return parts_->population.n_born(); }
+std::uint64_t Simulation::n_left() const { return parts_->population.n_left(); }
 std::uint64_t Simulation::n_grains() const { return n_born() - n_left(); }
 std::uint64_t Simulation::n_rebuilds() const { return parts_->list.n_rebuilds(); }
 std::uint64_t Simulation::n_wall_searches() const { return parts_->list.n_wall_searches(); }
 std::uint64_t Simulation::n_looks() const { return parts_->list.n_looks(); }
 std::uint64_t Simulation::n_early_looks() const { return parts_->list.n_early_looks(); }
-std::vector<std::string> Simulation::take_notes() { return std::exchange(parts_->notes, {}); }
+std::vector<std::string> Simulation::take_notes() { return parts_->population.take_notes(); }
 double Simulation::memory() const {
   const Parts& p = *parts_;
   return static_cast<double>(p.particles.memory() + p.contacts->memory() + (p.gas ? p.gas->memory() : 0) +
@@ -1028,8 +798,8 @@ Image Simulation::snapshot(const std::vector<std::string>& fields) const {
     if (is_asked && p.particles.has(row.field)) wanted.push_back(row.field);
   }
   gather_fields(p.particles, wanted, image);
-  p.count();
-  share_out_rows(p.world, p.n_born, image);
+  p.population.count();
+  share_out_rows(p.world, p.population.n_born(), image);
   if (p.gas) p.gas->gather_shown(image);
   image.maps = p.force_maps.maps(p.world, p.walls);
   image.hash = state_hash();
@@ -1045,13 +815,12 @@ Image Simulation::checkpoint() const {
   for (const FieldInfo& row : field_table)
     if (row.travel != Travel::never && p.particles.has(row.field)) wanted.push_back(row.field);
   gather_fields(p.particles, wanted, image);
-  p.count();
-  share_out_rows(p.world, p.n_born, image);
+  p.population.count();
+  share_out_rows(p.world, p.population.n_born(), image);
   if (p.gas) p.gas->gather_kept(image);
   for (const auto& [number, probe] : p.fields) probe.keep(image);
   p.force_maps.keep(p.world, image.accumulators);
-  p.full_census().keep(image.accumulators);
-  image.accumulators.merge(p.inlets.remembered(p.world));
+  p.population.keep(*p.contacts, image.accumulators);
   image.accumulators["energy_initial"] = {p.energy_initial};
   if (p.scene.run.precision == Precision::mixed) image.accumulators["precision"] = {mixed_precision};
   p.drivers.keep(image.accumulators);
@@ -1063,7 +832,7 @@ Image Simulation::checkpoint() const {
 EnergyLedger Simulation::energy() const {
   if (!parts_->scene.output.energy)
     throw std::logic_error("the scene keeps no energy ledger: set output.energy = true");
-  parts_->count();
+  parts_->population.count();
   return parts_->energy();
 }
 
@@ -1078,12 +847,20 @@ std::vector<double> Simulation::probe_row(std::size_t probe) {
   p.renew_list();
   std::optional<EnergyLedger> ledger;
   if (p.scene.output.energy && wanted.kind == Probe::Kind::energy) ledger = p.energy();
-  const CensusTaker all = p.full_census();
+  const CensusTaker all = p.population.total(*p.contacts);
   std::optional<GasView> gas;
   if (p.gas) gas.emplace(p.gas->view());
-  const ProbeView view{
-      p.world,      p.scene,   p.walls,  p.particles,          *p.contacts, p.dt, ledger ? &*ledger : nullptr,
-      all.census(), &p.inlets, p.time(), gas ? &*gas : nullptr};
+  const ProbeView view{p.world,
+                       p.scene,
+                       p.walls,
+                       p.particles,
+                       *p.contacts,
+                       p.dt,
+                       ledger ? &*ledger : nullptr,
+                       all.census(),
+                       &p.population.inlets(),
+                       p.time(),
+                       gas ? &*gas : nullptr};
   return moraine::probe_row(view, wanted, p.probe_memory[probe]);
 }
 
