@@ -352,7 +352,7 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
     return carry.find({was_at[at(i)], particles.gid(i)}, {particles.is_owned(j) ? was_at[at(j)] : -1, particles.gid(j)},
                       stored);
   };
-  const auto put = [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
+  const auto put = [&](std::int32_t i, std::int32_t j, std::uint8_t code, bool may_remember) {
     const bool i_is_low = is_lower(i, j);
     const std::size_t p = at(k++);
     mine.a[p] = i_is_low ? i : j;
@@ -361,7 +361,7 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
     if (needs.has_images) mine.image[p] = stored;
     if (needs.has_species)
       mine.species[p] = needs.species_table[particles.material(i) * needs.n_materials + particles.material(j)];
-    if (needs.memory.has_history) mine.set_memory(k - 1, recall(i, j, stored));
+    if (needs.memory.has_history) mine.set_memory(k - 1, may_remember ? recall(i, j, stored) : PairMemory{});
   };
   const auto fill_group = [&] {
     for (; k % pair_group != 0; ++k) {
@@ -382,7 +382,7 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
   const auto put_bands = [&](Bands& bands, BandBegins& begins) {  // and empties them
     for (std::size_t band = 0; band < n_bands; ++band) {
       if (band > 0) begins[band - 1] = k;
-      for (const Listed& pair : bands[band]) put(pair.i, pair.j, pair.image);
+      for (const Listed& pair : bands[band]) put(pair.i, pair.j, pair.image, band == 0);  // band_of() sees to it
       bands[band].clear();
     }
     fill_group();

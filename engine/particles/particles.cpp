@@ -50,11 +50,6 @@ void Particles::set_dummy() {
   r[7] = 1.0;
 }
 
-Vec3 Particles::vector(Field field, std::int64_t i) const {
-  const double* const v = record(i) + info(field).record_slot;
-  return {v[0], v[1], v[2]};
-}
-
 const AlignedArray<double>& Particles::own_array(Field field) const {
   switch (field) {
     case Field::dissipated: return dissipated_;

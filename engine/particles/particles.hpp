@@ -57,9 +57,11 @@ class Particles {
   double* record(std::int64_t i) { return records_.data() + i * stride_; }
   const double* record(std::int64_t i) const { return records_.data() + i * stride_; }
 
-  Vec3 position(std::int64_t i) const { return vector(Field::position, i); }
-  Vec3 velocity(std::int64_t i) const { return vector(Field::velocity, i); }
-  Vec3 angular_velocity(std::int64_t i) const { return needs_.rotation ? vector(Field::angular_velocity, i) : Vec3{}; }
+  Vec3 position(std::int64_t i) const { return vector(info(Field::position).record_slot, i); }
+  Vec3 velocity(std::int64_t i) const { return vector(info(Field::velocity).record_slot, i); }
+  Vec3 angular_velocity(std::int64_t i) const {
+    return needs_.rotation ? vector(info(Field::angular_velocity).record_slot, i) : Vec3{};
+  }
   double radius(std::int64_t i) const { return record(i)[3]; }
   double inverse_mass(std::int64_t i) const { return record(i)[7]; }
   double inverse_inertia(std::int64_t i) const { return needs_.rotation ? record(i)[11] : 0.0; }
@@ -95,7 +97,10 @@ class Particles {
   std::size_t memory() const;
 
  private:
-  Vec3 vector(Field field, std::int64_t i) const;
+  Vec3 vector(int slot, std::int64_t i) const {
+    const double* const v = record(i) + slot;
+    return {v[0], v[1], v[2]};
+  }
   const AlignedArray<double>& own_array(Field field) const;
   template <typename T>
   void gather(AlignedArray<T>& values, std::int64_t width, std::span<const std::int32_t> order, std::size_t n_rows,

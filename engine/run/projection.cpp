@@ -313,11 +313,12 @@ Rates measure_rates(const Scene& scene, std::span<const GrainSeed> grains, int n
   const std::vector<GrainSeed> small = block_of(large_scene, large, 100);
   const Scene small_scene = scene_with(scene, small);
   const Sample short_run = run_for(small_scene, n_threads, 0.1 * seconds);
-  // Two runs, two unknowns; where the small block gains more from the caches than a step costs by itself, that is nothing.
+  // Two runs, two unknowns; where the small block gains more from the caches than a step costs by itself, that is nothing, and where it took
+  // longer than the large one, something else had the machine meanwhile.
   const double large_work = work(large_scene, large), small_work = work(small_scene, small);
   const double slope = (long_run.step - short_run.step) / std::max(1.0, large_work - small_work);
-  rates.fixed = large.size() > small.size() ? std::max(0.0, short_run.step - slope * small_work) : 0.0;
-  rates.unit = std::max(0.0, long_run.step - rates.fixed) / large_work;
+  rates.fixed = large.size() > small.size() && slope > 0.0 ? std::max(0.0, short_run.step - slope * small_work) : 0.0;
+  rates.unit = (long_run.step - rates.fixed) / large_work;
   rates.n_grains = static_cast<std::int64_t>(large.size());
   rates.n_steps = long_run.n_steps;
   rates.bytes_per_grain = long_run.memory / static_cast<double>(large.size());
