@@ -215,7 +215,7 @@ std::string check_text(const std::filesystem::path& scene_file, const std::vecto
   text += row("balance", balance_text(scene.run.balance, chosen));
   text += row("memory", fmt::format("about {}", bytes_text(memory_of_run(plan, chosen))));
   if (refusal != nullptr) try {
-      expect_to_fit(plan, chosen);
+      if (const auto doubt = expect_to_fit(plan, chosen)) text += row("", *doubt);
     } catch (const UsageError& error) {
       *refusal = error.what();
     }

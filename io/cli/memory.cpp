@@ -101,12 +101,17 @@ double memory_of_run(const Plan& plan, const Layout& layout) {
   return plan.memory + (layout.ranks - 1) * bytes_of_rank;
 }
 
-void expect_to_fit(const Plan& plan, const Layout& layout, double share) {
-  // The estimate may be a quarter too high; what fits must not be refused.
-  constexpr double surely = 0.75;
+std::optional<std::string> expect_to_fit(const Plan& plan, const Layout& layout, double share) {
+  // The estimate may be a quarter too high, and what fits must not be refused; or too low, where grains so fast that the skin is wide have
+  // more neighbours than usual.
+  constexpr double surely = 0.75, perhaps = 1.2;
   const double needed = share * memory_of_run(plan, layout);
   const std::optional<FreeMemory> free = free_memory();
-  if (!free || surely * needed <= free->bytes) return;
+  if (!free || perhaps * needed <= free->bytes) return std::nullopt;
+  if (surely * needed <= free->bytes)
+    return fmt::format(
+        "memory may not suffice: the scene needs about {}, and {} are free ({}); a fixed run.skin keeps it low",
+        bytes_text(needed), bytes_text(free->bytes), free->source);
   throw UsageError(fmt::format(
       "the scene needs about {} of memory here, and {} are free ({}): it would be killed half way. Fewer grains or gas "
       "cells, or ranks on more nodes; if there is more memory than that, say so by MORAINE_MEMORY=16G or the like",

@@ -25,7 +25,8 @@ std::optional<FreeMemory> free_memory(const std::filesystem::path& root = "/");
 /// Memory of all ranks together [bytes].
 double memory_of_run(const Plan& plan, const Layout& layout);
 
-/// Throws UsageError with estimate and bound where this share of the run does not fit here.
-void expect_to_fit(const Plan& plan, const Layout& layout, double share = 1.0);
+/// Throws UsageError with estimate and bound where this share of the run does not fit here. Where it may or may not: what a user should
+/// know, else nothing.
+std::optional<std::string> expect_to_fit(const Plan& plan, const Layout& layout, double share = 1.0);
 
 }  // namespace moraine

@@ -535,7 +535,8 @@ int run_scene(const RunRequest& request, Log& log, const World& world) {
     given.layout = choice.layout;
     given.why = choice.why;
     given.is_crowded = given.layout.threads > available_cores();
-    if (!this_place().is_one_of_many) expect_to_fit(make_plan(scene, given.layout.threads), given.layout);
+    if (!this_place().is_one_of_many)
+      if (const auto doubt = expect_to_fit(make_plan(scene, given.layout.threads), given.layout)) log.warn(*doubt);
     if (!given.why.empty()) log.say(fmt::format("layout {}: {}", given.layout.text(), given.why));
     if (given.layout.ranks > 1) return run_on_ranks(request, scene, given.layout, log);
   }

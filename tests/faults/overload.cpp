@@ -102,6 +102,18 @@ drag = "gidaspow"
   refusal.clear();
   static_cast<void>(check_text(scene, {"particles[0].fill.count=1000", "gas.cells=[10,10,10]"}, "1x1", &refusal));
   CHECK(refusal.empty());
+  // An estimate is no more than that: near the bound there is a doubt and no refusal.
+  std::string sound;
+  for (const char* free : {"2000M", "1500M", "1000M", "500M"}) {
+    const Memory near(free);
+    const std::string text =
+        check_text(scene, {"particles[0].fill.count=1000", "gas.cells=[100,100,110]"}, "1x1", &refusal);
+    const bool is_doubtful = text.find("memory may not suffice: the scene needs about ") != std::string::npos;
+    sound += !refusal.empty() ? "refused " : is_doubtful ? "doubtful " : "fits ";
+    CHECK_FALSE((is_doubtful && !refusal.empty()));
+    refusal.clear();
+  }
+  CHECK(sound == "fits fits doubtful refused ");
 }
 
 TEST_CASE("an amount of memory that is none is named") {
