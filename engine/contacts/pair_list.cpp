@@ -382,7 +382,8 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
   const auto put_bands = [&](Bands& bands, BandBegins& begins) {  // and empties them
     for (std::size_t band = 0; band < n_bands; ++band) {
       if (band > 0) begins[band - 1] = k;
-      for (const Listed& pair : bands[band]) put(pair.i, pair.j, pair.image, band == 0);  // band_of() sees to it
+      for (const Listed& pair : bands[band])
+        put(pair.i, pair.j, pair.image, band == 0);  // band_of() puts all that remember there
       bands[band].clear();
     }
     fill_group();

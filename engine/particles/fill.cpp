@@ -17,6 +17,7 @@
 #include "engine/particles/pack_occupied.hpp"
 #include "engine/particles/parcel.hpp"
 #include "engine/particles/sizes.hpp"
+#include "engine/scene/agree.hpp"
 #include "engine/scene/lists.hpp"
 #include "engine/threads.hpp"
 #include "kernels/base/exact_sum.hpp"
@@ -48,23 +49,6 @@ struct BareShare {
   std::vector<PackGrain> grains;
   std::vector<std::uint64_t> numbers;
 };
-
-/// Calls f, which may throw SceneError on any rank; the first one's is thrown on all. All ranks call it.
-template <typename Function>
-void agree(const World& world, Function f) {
-  if (world.is_alone()) return f();
-  std::string problem;
-  try {
-    f();
-  } catch (const SceneError& error) {
-    problem = error.what();
-  }
-  const std::vector<std::uint64_t> has_problem = world.gather(std::uint64_t{!problem.empty()});
-  const auto first = std::find(has_problem.begin(), has_problem.end(), 1);
-  if (first == has_problem.end()) return;
-  world.broadcast(problem, static_cast<int>(first - has_problem.begin()));
-  throw SceneError({Problem{"", problem}});
-}
 
 [[noreturn]] void fail(const Birth& birth, const std::string& part, const std::string& message) {
   throw SceneError({Problem{birth.key + part, message}});

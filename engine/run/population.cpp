@@ -6,6 +6,7 @@
 #include <span>
 
 #include "engine/particles/fill.hpp"
+#include "engine/scene/agree.hpp"
 #include "engine/threads.hpp"
 
 namespace moraine {
@@ -19,20 +20,10 @@ Population::Population(const Scene& scene, const World& world, double dt)
       census_(scene.materials.size(), scene.outlets.size()) {}
 
 void Population::bear_first(Particles& particles, int n_threads) {
-  std::string problem;
-  try {
+  agree(world_, [&] {
     const DealtGrains born = deal_grains(scene_, n_threads, world_);
     put_grains(scene_, born.seeds, born.gids, particles);
-  } catch (const SceneError& error) {
-    if (world_.is_alone()) throw;
-    problem = error.what();
-  }
-  const std::vector<std::uint64_t> has_problem = world_.gather(std::uint64_t{!problem.empty()});
-  const auto first = std::find(has_problem.begin(), has_problem.end(), 1);
-  if (first != has_problem.end()) {
-    world_.broadcast(problem, static_cast<int>(first - has_problem.begin()));
-    throw SceneError({{"", problem, false}});
-  }
+  });
   for (std::int32_t i = 0; i < particles.size(); ++i)
     census_.count_born(particles.material(i), 1.0 / particles.inverse_mass(i));
   count();

@@ -12,6 +12,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "comm/first_text.hpp"
 #include "comm/totals.hpp"
 #include "engine/contacts/contacts.hpp"
 #include "engine/particles/particles.hpp"
@@ -705,13 +706,8 @@ void Simulation::remove_left() {
 
 void Simulation::grains_changed() {
   Parts& p = *parts_;
-  std::string fault = fault_of_grains(p.guard_view(), p.population.n_away());
-  const std::vector<std::uint64_t> has_fault = p.world.gather(std::uint64_t{!fault.empty()});
-  const auto first = std::find(has_fault.begin(), has_fault.end(), 1);
-  if (first != has_fault.end()) {
-    p.world.broadcast(fault, static_cast<int>(first - has_fault.begin()));
-    throw std::invalid_argument(fault);
-  }
+  const std::string fault = first_text(p.world, fault_of_grains(p.guard_view(), p.population.n_away()));
+  if (!fault.empty()) throw std::invalid_argument(fault);
   p.list.set_old();
   p.contacts->grains_changed();
 }

@@ -200,13 +200,14 @@ void check_run(const Scene& scene, Findings& found) {
                 run.max_overlap);
   const std::vector<std::string> known(concern_names.begin(), concern_names.end());
   for (std::size_t i = 0; i < run.stop_on.size(); ++i) {
-    const std::string key = fmt::format("run.stop_on[{}]", i);
-    if (std::find(known.begin(), known.end(), run.stop_on[i]) == known.end())
-      found.error(key, "\"{}\" is no warning of a run{}; there are: {}", run.stop_on[i], nearest(run.stop_on[i], known),
+    const std::string &name = run.stop_on[i], key = fmt::format("run.stop_on[{}]", i);
+    const bool is_of_energy = name == name_of(Concern::energy);
+    if (std::find(known.begin(), known.end(), name) == known.end())
+      found.error(key, "\"{}\" is no warning of a run{}; there are: {}", name, nearest(name, known),
                   listing(known, known.size()));
-    else if (run.stop_on[i] == name_of(Concern::energy) ? !scene.output.energy : !scene.gas)
-      found.error(key, "\"{}\" is watched only in a scene with {}", run.stop_on[i],
-                  run.stop_on[i] == name_of(Concern::energy) ? "output.energy = true" : "[gas]");
+    else if (is_of_energy ? !scene.output.energy : !scene.gas)
+      found.error(key, "\"{}\" is watched only in a scene with {}", name,
+                  is_of_energy ? "output.energy = true" : "[gas]");
   }
 }
 

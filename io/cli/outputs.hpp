@@ -28,7 +28,8 @@ class Outputs {
           std::optional<std::uint64_t> restart, Log& log);
 
   /// Called after every step: writes what is due at it, and warns of what the gas or the energies have come to. Checkpoints come last: a
-  /// run that goes on from one finds all other outputs of that step written. Throws StorageError; RunError where grains are missing.
+  /// run that goes on from one finds all other outputs of that step written. Throws StorageError; RunError where grains are missing,
+  /// or the record of a warning of run.stop_on is complete.
   void write_due(Simulation& simulation);
 
   /// Appends lines to balance.csv; only the root has any.

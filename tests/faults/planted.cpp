@@ -319,6 +319,15 @@ type = "pressure"
   CHECK_THAT(read_file(*request.out / "flight_record_void_fraction_cells.csv"), Catch::Contains(",densest,"));
   CHECK(lines_of(read_file(*request.out / "flight_record_void_fraction_gas.csv")) == 33);
 
+  RunRequest strict = request;
+  strict.overrides = {"run.stop_on=[\"void_fraction\"]"};
+  strict.out = directory.path() / "strict";
+  Log strict_log(true);
+  CHECK(run_scene(strict, strict_log) == 1);
+  CHECK_THAT(read_file(*strict.out / "log.txt"), Catch::Contains("ended as run.stop_on asks: "));
+  CHECK(read_file(*strict.out / "flight_record_void_fraction.csv") ==
+        read_file(*request.out / "flight_record_void_fraction.csv"));
+
   Scene scene = read_scene(request.scene_file, {});
   Simulation untold(scene, 1);
   while (untold.step_number() < untold.plan().n_steps) untold.step();

@@ -6,6 +6,7 @@
 #include <cstring>
 #include <thread>
 
+#include "comm/first_text.hpp"
 #include "comm/halo.hpp"
 #include "comm/subdomains.hpp"
 #include "kernels/base/random.hpp"
@@ -149,6 +150,14 @@ TEST_CASE("gathered values and texts are in order of rank, and what the root say
   std::vector<std::byte> bytes(world.is_root() ? 0 : 5);
   world.broadcast(bytes);
   CHECK(bytes.empty());
+}
+
+TEST_CASE("of what several ranks have to say all hear the first, and nothing where none has") {
+  const World& world = ranks::world();
+  CHECK(first_text(world, "").empty());
+  const int last = world.size() - 1;
+  CHECK(first_text(world, world.rank() == last ? "the last" : "") == "the last");
+  CHECK(first_text(world, world.rank() > 0 ? "rank " + std::to_string(world.rank()) : "") == "rank 1");
 }
 
 TEST_CASE("parcels arrive whole, once, in order of rank and of sending, round after round without a pause") {
