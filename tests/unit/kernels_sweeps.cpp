@@ -54,7 +54,8 @@ struct Worst {
   double force = 0.0, torque = 0.0, history = 0.0, energy = 0.0;
 };
 
-/// Sum of the sizes of what a rolling torque is made of [N m], of the angles that its spring is stretched by [rad], and of the energy in it [J].
+/// Sum of the sizes of what a rolling torque is made of [N m], of the angles that its spring is a difference of where it yields [rad], and of the
+/// energy in it [J].
 struct RollingScale {
   double torque = 0.0, angle = 0.0, energy = 0.0;
 };
@@ -71,10 +72,9 @@ RollingScale rolling_scale(const LawTable& table, std::size_t species, const Law
       choice.normal == NormalLaw::linear ? p[Parameter::normal_stiffness] : 2.0 * p[Parameter::young] * r;
   const double k_r = rolling_stiffness(p, k_n, r);
   size.torque = limit + k_r * angle;
-  size.angle = angle;
   if (k_r > 0.0 && c.a.inverse_inertia > 0.0) {  // where it yields it is what the limit leaves beside the dashpot
     const double inertia = 1.0 / c.a.inverse_inertia + 1.0 / (c.a.curvature * c.a.curvature * c.a.inverse_mass);
-    size.angle += limit / k_r + 2.0 * p[Parameter::rolling_damping] * std::sqrt(inertia / k_r) * spin;
+    size.angle = limit / k_r + 2.0 * p[Parameter::rolling_damping] * std::sqrt(inertia / k_r) * spin;
   }
   size.energy = size.torque * (angle + dt * spin);
   return size;
@@ -102,8 +102,12 @@ void compare(const LawChoice& choice, const double* slot, const double* history,
     const double size = length(f.displacement) + length(c.displacement) + v * dt;
     note(worst.history, length(Vec3{history[0], history[1], history[2]} - f.displacement), size + scale * 1e-4 / 1e3);
   }
-  if (choice.rolling == RollingLaw::spring)
-    note(worst.history, length(Vec3{history[4], history[5], history[6]} - f.angle), rolling.angle);
+  if (choice.rolling == RollingLaw::spring) {
+    const double size =
+        length(f.angle) + length(c.angle) + dt * (length(c.a.angular_velocity) + length(c.b.angular_velocity));
+    note(worst.history, length(Vec3{history[4], history[5], history[6]} - f.angle),
+         f.yields ? size + rolling.angle : size);
+  }
   if (has_bond(choice.cohesion)) note(worst.history, std::abs(history[7] - (f.acts ? 1.0 : 0.0)), 1.0);
   if (choice.has_ledger) {
     const double* const lost = slot + slot_size(choice.has_rotation, true, choice.has_further()) - 4;

@@ -364,6 +364,7 @@ ReferenceForce reference_contact(const LawChoice& laws, const PairParameters& p,
   out.lost_tangential = slides ? rolling.lost_dashpot : rolling.yields ? dashpot_of_slide : lost;
   out.lost_friction = lost - out.lost_tangential;
   out.slides = slides;
+  out.yields = rolling.yields;
 
   out.force = f_n * n + f_t;
   if (has_rotation) {

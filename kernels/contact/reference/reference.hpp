@@ -38,7 +38,8 @@ struct ReferenceForce {
   double energy_tangential = 0.0;  // stored in the tangential and the rolling spring [J]
   double lost_normal = 0.0, lost_tangential = 0.0, lost_friction = 0.0;  // in the step [J]
   bool slides = false;
-  bool acts = false;  // there is a force: the bodies touch, or attract each other from afar
+  bool yields = false;  // the rolling spring is at its limit
+  bool acts = false;    // there is a force: the bodies touch, or attract each other from afar
 };
 
 /// Force, memory and energies of one contact over a step of dt [s]; velocities half a step before the positions.
