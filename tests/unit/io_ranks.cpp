@@ -59,6 +59,8 @@ TEST_CASE(
       "[n1:123] 2 more processes have sent help message help-mpi-api.txt / mpi-abort\n"
       "[n1:123] [[1755,0],0] ORTE_ERROR_LOG: Data unpack would read past end of buffer in file "
       "../../../orte/util/show_help.c at line 501\n"
+      "[n1:123] [[1755,0],0] ORTE_ERROR_LOG: Data unpack had inadequate space in file "
+      "../../../orte/util/show_help.c at line 501\n"
       "[n1:123] Read -1, expected 4080, errno = 3\n"
       "[n1:123] Set MCA parameter \"orte_base_help_aggregate\" to 0 to see all help / error messages\n";
   const std::string text = before + notice("MPI_ABORT was invoked on rank 3\nwith errorcode 1.") + own + aside +
