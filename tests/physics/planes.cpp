@@ -1,11 +1,14 @@
-// Walls: a plane cut into triangles acts as one plane, and a mirror as the other half.
+// Walls: a plane cut into triangles acts as one plane, a funnel the more like a cone the more of them there are, and a mirror as the other
+// half.
 #include <catch2/catch.hpp>
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "engine/walls/walls.hpp"
 #include "tests/physics/laboratory.hpp"
+#include "tests/support/surface_shapes.hpp"
 
 using namespace moraine;
 using namespace moraine::physics;
@@ -85,6 +88,40 @@ Scene floor_scene(NormalLaw normal, TangentialLaw tangential, int n, bool is_tur
   return scene;
 }
 
+/// How a grain is sent around a funnel.
+struct Orbit {
+  double speed;  // [m/s]
+  double restitution, friction;
+};
+
+/// A grain that circles in a funnel, 0.02 to 0.1 m wide, bouncing, sliding and rolling; a cone (n_facets = 0), or facets with their corners
+/// on it.
+Scene funnel_scene(const Orbit& orbit, int n_facets) {
+  constexpr double low = 0.02, high = 0.1, length = 0.1;
+  Scene scene = empty_scene({-0.12, -0.12, -0.05}, {0.12, 0.12, 0.15}, 2e-5);
+  scene.time.gravity = {0, 0, -9.81};
+  scene.materials = {{"grain", 2500, 1e8, 0.25}};
+  PairLaw law = pair_law("grain", "grain", orbit.restitution, orbit.friction);
+  law.normal_stiffness = 1000.0;
+  law.tangential_stiffness = 300.0;
+  scene.contact.pairs = {law};
+  WallDefinition funnel;
+  funnel.name = "funnel";
+  funnel.material = "grain";
+  if (n_facets == 0) {
+    funnel.shape = ConeShape{{0, 0, 0}, {0, 0, 1}, low, high, length};
+  } else {
+    const TriangleMesh mesh = shapes::sheet(n_facets, 8, true, [&](double u, double v) {
+      const double r = low + (high - low) * v, angle = 2.0 * std::numbers::pi * u;
+      return Vec3{r * std::cos(angle), r * std::sin(angle), length * v};
+    });
+    funnel.shape = MeshShape{"", mesh};
+  }
+  scene.walls.push_back(funnel);
+  add_grain(scene, "grain", 2.0 * radius, {0.08, 0.0, 0.09}, {0.0, orbit.speed, 0.0});
+  return scene;
+}
+
 /// Two grains that meet obliquely on both sides of the plane x = 0, or one and a mirror there.
 Scene mirror_scene(NormalLaw normal, TangentialLaw tangential, bool is_half) {
   Scene scene = empty_scene({is_half ? 0.0 : -0.02, -0.02, -0.02}, {0.02, 0.02, 0.02}, 1e-6);
@@ -146,6 +183,46 @@ TEST_CASE("a plane of 2, 200 or 20000 triangles moves a bouncing, sliding, rolli
       }
     }
   }
+}
+
+TEST_CASE(
+    "a grain circles in a funnel of facets as in a cone: what is between the paths falls with the square of their "
+    "width",
+    "[walls]") {
+  constexpr int n_steps = 20000;  // 0.4 s, more than a turn
+  double sum_of_orders = 0.0;
+  const std::vector<Orbit> orbits = {
+      {0.5, 0.5, 0.3}, {0.8, 0.5, 0.3}, {0.5, 0.9, 0.3}, {0.5, 0.5, 0.0}, {0.7, 0.5, 0.6}};
+  for (const Orbit& orbit : orbits) {
+    std::vector<Vec3> exact;
+    Simulation cone(funnel_scene(orbit, 0), 1);
+    for (int i = 0; i < n_steps; ++i) {
+      if (i % 500 == 0) exact.push_back(state_of(cone).position[0]);
+      cone.step();
+    }
+    std::vector<double> errors;
+    for (const int n : {100, 200, 400, 800}) {
+      Simulation mesh(funnel_scene(orbit, n), 1);
+      double furthest = 0.0;
+      for (int i = 0; i < n_steps; ++i) {
+        if (i % 500 == 0)
+          furthest = std::max(furthest, length(state_of(mesh).position[0] - exact[static_cast<std::size_t>(i / 500)]));
+        mesh.step();
+      }
+      errors.push_back(furthest);
+    }
+    const double order = std::log2(errors.front() / errors.back()) / 3.0;
+    sum_of_orders += order;
+    report(
+        "funnel, %.1f m/s, restitution %.1f, friction %.1f: off by %.2f, %.2f, %.2f, %.3f mm with 100, 200, 400, 800 "
+        "facets",
+        orbit.speed, orbit.restitution, orbit.friction, 1e3 * errors[0], 1e3 * errors[1], 1e3 * errors[2],
+        1e3 * errors[3]);
+    CHECK(errors.back() < 2e-4);  // of a way of some 0.2 m
+  }
+  const double order = sum_of_orders / static_cast<double>(orbits.size());
+  report("funnel: mean order %.2f", order);
+  CHECK(order > 1.6);
 }
 
 TEST_CASE("a plane of triangles that slides, shakes and turns moves grains as the plane that does so", "[walls]") {
