@@ -2,6 +2,7 @@
 // together (README.md, "How long a list is good"). Nothing of it reaches the results.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "engine/contacts/contacts.hpp"
@@ -43,6 +44,8 @@ class ListWatch {
   ListWatch(const Scene& scene, const Plan& plan, const GrainKind& kind, double range, bool is_alone,
             std::uint64_t step);
 
+  /// No skin becomes wider than that, but the one that it is built with [m].
+  void bound_skin(double widest) { widest_ = std::max(skin_, std::min(widest_, widest)); }
   double skin() const { return skin_; }  // [m] of the list; of the next one from begin_rebuild() on
   /// No two grains of this rank have come nearer to each other than by twice this since the rebuild, as Travelled::of_pairs() [m].
   double travelled() const { return travelled_; }

@@ -729,6 +729,7 @@ double Simulation::memory() const {
   return static_cast<double>(p.particles.memory() + p.contacts->memory() + (p.gas ? p.gas->memory() : 0) +
                              p.memory_of_probes());
 }
+void Simulation::bound_skin(double widest) { parts_->list.bound_skin(widest); }
 std::vector<PhaseTime> Simulation::phases() const {
   std::vector<PhaseTime> rows;
   const Stopwatch& watch = parts_->stopwatch;

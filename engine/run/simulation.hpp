@@ -124,6 +124,9 @@ class Simulation {
   std::vector<std::string> take_notes();
   /// Bytes that grains, pairs, wall contacts and cells of this rank hold now.
   double memory() const;
+  /// The skin of the pair list becomes no wider than this [m], as where there is no memory for more pairs; Plan::skin always is allowed. Reaches
+  /// no result. All ranks, the same.
+  void bound_skin(double widest);
 
   /// Everything needed to go on, in order of gid. All ranks; each gets consecutive rows, in order of rank.
   Image checkpoint() const;

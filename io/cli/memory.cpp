@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 #include <sys/resource.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <sstream>
@@ -102,20 +104,26 @@ double memory_of_run(const Plan& plan, const Layout& layout) {
 }
 
 std::optional<std::string> expect_to_fit(const Plan& plan, const Layout& layout, double share) {
-  // The estimate may be a quarter too high, and what fits must not be refused; or too low, where grains so fast that the skin is wide have
-  // more neighbours than usual.
-  constexpr double surely = 0.75, perhaps = 1.2;
+  // The estimate may be a quarter too high, and what fits must not be refused.
+  constexpr double surely = 0.75;
   const double needed = share * memory_of_run(plan, layout);
   const std::optional<FreeMemory> free = free_memory();
-  if (!free || perhaps * needed <= free->bytes) return std::nullopt;
+  if (!free || needed <= free->bytes) return std::nullopt;
   if (surely * needed <= free->bytes)
-    return fmt::format(
-        "memory may not suffice: the scene needs about {}, and {} are free ({}); a fixed run.skin keeps it low",
-        bytes_text(needed), bytes_text(free->bytes), free->source);
+    return fmt::format("memory may not suffice: the scene needs about {}, and {} are free ({})", bytes_text(needed),
+                       bytes_text(free->bytes), free->source);
   throw UsageError(fmt::format(
       "the scene needs about {} of memory here, and {} are free ({}): it would be killed half way. Fewer grains or gas "
       "cells, or ranks on more nodes; if there is more memory than that, say so by MORAINE_MEMORY=16G or the like",
       bytes_text(needed), bytes_text(free->bytes), free->source));
+}
+
+double widest_skin_within(double free, double held, double arrays, const Plan& plan) {
+  constexpr double rebuild = 1.3;  // of the arrays, while they are made anew
+  constexpr double reserve = 0.1;  // for what comes and goes: output, buffers
+  const double diameter = 10.0 * plan.skin;
+  const double growth = ((1.0 - reserve) * free - held + arrays) / (rebuild * arrays);  // of the arrays
+  return growth > 1.0 ? (diameter + plan.skin) * std::cbrt(growth) - diameter : plan.skin;
 }
 
 }  // namespace moraine

@@ -29,4 +29,8 @@ double memory_of_run(const Plan& plan, const Layout& layout);
 /// know, else nothing.
 std::optional<std::string> expect_to_fit(const Plan& plan, const Layout& layout, double share = 1.0);
 
+/// The widest skin [m] with which a run keeps within what is free [bytes]: pairs become more as the cube of their reach. The run's processes
+/// hold `held`, `arrays` of it in what grows with the pairs, at the skin of the plan.
+double widest_skin_within(double free, double held, double arrays, const Plan& plan);
+
 }  // namespace moraine

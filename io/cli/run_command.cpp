@@ -9,6 +9,7 @@
 #include <cstring>
 #include <functional>
 #include <new>
+#include <numeric>
 #include <span>
 #include <sstream>
 
@@ -436,10 +437,35 @@ void say_what_runs(const Scene& scene, const Simulation& simulation, const Start
                         start.checkpoint->image.step, start.checkpoint->image.time));
 }
 
+/// The share of the ranks that is on this rank's node, as mpirun tells; srun and others do not.
+std::optional<double> share_of_node(const World& world) {
+  if (world.is_alone()) return 1.0;
+  const char* const n = std::getenv("OMPI_COMM_WORLD_LOCAL_SIZE");
+  const int n_here = n == nullptr ? 0 : std::atoi(n);
+  if (n_here < 1 || n_here > world.size()) return std::nullopt;
+  return static_cast<double>(n_here) / world.size();
+}
+
+/// Fast grains have wide skins, and many pairs: no more of them than there is room for in the memory that was free before the start.
+void keep_within_memory(Simulation& simulation, const std::optional<FreeMemory>& free, const World& world) {
+  const std::optional<double> share = share_of_node(world);
+  const auto on_node = [&](double bytes) {
+    const std::vector<double> all = world.gather(bytes);
+    return share.value_or(0.0) * std::accumulate(all.begin(), all.end(), 0.0);
+  };
+  const double held = on_node(peak_memory()), arrays = on_node(simulation.memory());
+  const bool is_known = free && share && arrays > 0.0;
+  double narrowest = is_known ? -widest_skin_within(free->bytes, held, arrays, simulation.plan()) : -infinity;
+  world.max(std::span(&narrowest, 1));  // of all nodes
+  simulation.bound_skin(-narrowest);
+}
+
 /// Puts the results where they belong, from the first to the last of them.
 int run_in_place(const RunRequest& request, Scene& scene, const Start& start, const Layout& layout, const World& world,
                  const WallClock& clock, Log& log) {
+  const std::optional<FreeMemory> free = free_memory();
   Simulation simulation = make_simulation(scene, layout, start, world);
+  keep_within_memory(simulation, free, world);
   scene.particles.clear();  // lists of start positions weigh as much as the grains
   const RunRecord record{scene_as_run(request.scene_file, request.overrides), program_version(), program_commit()};
   if (world.is_root()) {
@@ -501,14 +527,6 @@ int run_on_ranks(const RunRequest& request, Scene& scene, const Layout& layout, 
   log.error(cause + "; the run has ended with it");
   log.say(how_to_go_on_after(request, scene, newest_before));
   return exit_code::failed;
-}
-
-/// The share of the ranks that is on the root's node, as mpirun tells; srun and others do not.
-std::optional<double> share_of_node(const World& world) {
-  const char* const n = std::getenv("OMPI_COMM_WORLD_LOCAL_SIZE");
-  const int n_here = n == nullptr ? 0 : std::atoi(n);
-  if (n_here < 1 || n_here > world.size()) return std::nullopt;
-  return static_cast<double>(n_here) / world.size();
 }
 
 }  // namespace

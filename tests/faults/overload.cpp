@@ -104,7 +104,7 @@ drag = "gidaspow"
   CHECK(refusal.empty());
   // An estimate is no more than that: near the bound there is a doubt and no refusal.
   std::string sound;
-  for (const char* free : {"2000M", "1500M", "1000M", "500M"}) {
+  for (const char* free : {"2000M", "1500M", "850M", "500M"}) {
     const Memory near(free);
     const std::string text =
         check_text(scene, {"particles[0].fill.count=1000", "gas.cells=[100,100,110]"}, "1x1", &refusal);
@@ -114,6 +114,25 @@ drag = "gidaspow"
     refusal.clear();
   }
   CHECK(sound == "fits fits doubtful refused ");
+}
+
+TEST_CASE("a skin is as wide as the memory allows, and never narrower than the plan's") {
+  Plan plan;
+  plan.skin = 1e-4;  // a tenth of a diameter
+  constexpr double arrays = 1e9, held = 1.2e9;
+  const auto skin = [&](double free) { return widest_skin_within(free, held, arrays, plan); };
+  CHECK(skin(0.0) == plan.skin);
+  CHECK(skin(held) == plan.skin);
+  double last = plan.skin;
+  for (const double free : {2e9, 3e9, 5e9, 1e10}) {
+    INFO(free);
+    const double widest = skin(free);
+    CHECK(widest > last);
+    // so many more pairs, made anew while the rest is held, leave a tenth of what is free
+    const double reach = (1e-3 + widest) / (1e-3 + plan.skin);
+    CHECK(held + arrays * (1.3 * reach * reach * reach - 1.0) == Approx(0.9 * free));
+    last = widest;
+  }
 }
 
 TEST_CASE("an amount of memory that is none is named") {

@@ -56,6 +56,19 @@ TEST_CASE("the skin changes how often the list is rebuilt, and no bit of the sta
   }
 }
 
+TEST_CASE("a bound of the skin, as where memory is short, makes more rebuilds and changes no bit") {
+  for (const Scene& scene : {scenes::gas(), scenes::periodic_flow()}) {
+    Simulation free(scene, 2), bounded(scene, 2);
+    bounded.bound_skin(0.0);  // that of the plan
+    for (int i = 0; i < 3000; ++i) {
+      free.step();
+      bounded.step();
+    }
+    CHECK(bounded.n_rebuilds() > free.n_rebuilds());
+    CHECK(bounded.state_hash() == free.state_hash());
+  }
+}
+
 TEST_CASE("keeping the energy ledger changes no bit of the state") {
   for (auto& [name, scene, n_steps] : scenes::all()) {
     INFO(name);
