@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <optional>
 #include <span>
 #include <stdexcept>
@@ -560,12 +561,20 @@ std::vector<GrainSeed> make_grains(const Scene& scene, int n_threads, FillReport
   return deal_grains(scene, n_threads, World(), report).seeds;
 }
 
-std::int64_t count_grains(const Scene& scene) {
+std::vector<std::int64_t> count_groups(const Scene& scene) {
   const World alone;
-  std::int64_t n_grains = 0;
-  for (std::size_t i = 0; i < scene.particles.size(); ++i)
-    n_grains += count_group({scene, scene.particles[i], group_key(i), static_cast<std::uint64_t>(n_grains), alone});
+  std::uint64_t first_number = 0;
+  std::vector<std::int64_t> n_grains;
+  for (std::size_t i = 0; i < scene.particles.size(); ++i) {
+    n_grains.push_back(count_group({scene, scene.particles[i], group_key(i), first_number, alone}));
+    first_number += static_cast<std::uint64_t>(n_grains.back());
+  }
   return n_grains;
+}
+
+std::int64_t count_grains(const Scene& scene) {
+  const std::vector<std::int64_t> n_grains = count_groups(scene);
+  return std::accumulate(n_grains.begin(), n_grains.end(), std::int64_t{0});
 }
 
 }  // namespace moraine

@@ -36,8 +36,9 @@ struct DealtGrains {
 /// on any number of ranks. All ranks call it, and all throw where one does.
 DealtGrains deal_grains(const Scene& scene, int n_threads, const World& world, FillReport* report = nullptr);
 
-/// How many grains make_grains will give, without placing them. Exact, but that a lattice without a count may lose sites to
-/// earlier groups. Throws SceneError.
+/// How many grains make_grains will give, without placing them, in each group and together. Exact, but that a lattice without a count may
+/// lose sites to earlier groups. Throws SceneError.
+std::vector<std::int64_t> count_groups(const Scene& scene);
 std::int64_t count_grains(const Scene& scene);
 
 }  // namespace moraine

@@ -214,18 +214,22 @@ bool are_grains_alike(const Scene& scene) {
 }
 
 double mean_diameter(const Scene& scene) {
+  const auto mean_of = [](const DiameterSampler& sampler) {
+    constexpr int n = 64;
+    double sum = 0.0;
+    for (int i = 0; i < n; ++i) sum += sampler((i + 0.5) / n);
+    return sum / n;
+  };
   double sum = 0.0, count = 0.0;
-  for (const ParticleGroup& group : scene.particles) {
-    if (const auto* listed = std::get_if<ListedGrains>(&group.fill); listed && listed->has_radius) {
-      const ListFacts facts = facts_of(*listed);
-      sum += facts.sum_of_diameters;
-      count += static_cast<double>(facts.n_grains);
-    } else {
-      const DiameterSampler sampler(group.diameter);
-      constexpr int n = 64;
-      for (int i = 0; i < n; ++i) sum += sampler((i + 0.5) / n) / n;
-      count += 1.0;
-    }
+  const std::vector<std::int64_t> n_grains = count_groups(scene);
+  for (std::size_t i = 0; i < n_grains.size(); ++i) {
+    const ParticleGroup& group = scene.particles[i];
+    const auto n = static_cast<double>(n_grains[i]);
+    if (const auto* listed = std::get_if<ListedGrains>(&group.fill); listed && listed->has_radius)
+      sum += facts_of(*listed).sum_of_diameters;
+    else
+      sum += n * mean_of(DiameterSampler(group.diameter));
+    count += n;
   }
   for (const Inlet& inlet : scene.inlets) {
     if (inlet.list && inlet.list->has_radius) continue;
@@ -337,7 +341,7 @@ double choose_gas_step(const Scene& scene) {
     if (gas.drag && sizes.largest > 0.0 && gas.viscosity > 0.0)
       step = std::min(step, 0.1 * material.density * sizes.smallest * sizes.smallest / (180.0 * gas.viscosity));
   }
-  if (gas.drag && mean_diameter(scene) > 0.0) {
+  if (gas.drag && !(scene.particles.empty() && scene.inlets.empty())) {
     // Void fractions follow the grains from gas step to gas step: as fast as they may get, half a cell
     const double speed = expected_speed(scene);
     for (int axis = 0; axis < (scene.domain.dimensions == 2 ? 2 : 3); ++axis)

@@ -53,7 +53,7 @@ double choose_gas_step(const Scene& scene);
 double expected_speed(const Scene& scene);
 /// True where all grains have one size and one material, so that a contact need not look up which they are.
 bool are_grains_alike(const Scene& scene);
-/// Mean diameter of the grains, groups counting alike [m]; 0 where there are none.
+/// Mean diameter of the grains [m], those of the start where there are any; 0 where there are none.
 double mean_diameter(const Scene& scene);
 
 }  // namespace moraine

@@ -27,9 +27,9 @@ namespace {
 /// Bytes that new has given and not got back: now, and at most since the last start of counting.
 std::atomic<std::size_t> live{0}, peak{0};
 
-void* counted(std::size_t n) {
+void* counted(std::size_t n) noexcept {
   void* const memory = std::malloc(n);
-  if (!memory) throw std::bad_alloc();
+  if (!memory) return memory;
   const std::size_t now = live += malloc_usable_size(memory);
   for (std::size_t most = peak; now > most && !peak.compare_exchange_weak(most, now);) {}
   return memory;
@@ -42,8 +42,13 @@ void uncounted(void* memory) {
 
 }  // namespace
 
-void* operator new(std::size_t n) { return counted(n); }
-void* operator new[](std::size_t n) { return counted(n); }
+void* operator new(std::size_t n) {
+  void* const memory = counted(n);
+  return memory ? memory : throw std::bad_alloc();
+}
+void* operator new[](std::size_t n) { return operator new(n); }
+void* operator new(std::size_t n, const std::nothrow_t&) noexcept { return counted(n); }  // std::stable_sort asks so
+void* operator new[](std::size_t n, const std::nothrow_t&) noexcept { return counted(n); }
 void operator delete(void* memory) noexcept { uncounted(memory); }
 void operator delete[](void* memory) noexcept { uncounted(memory); }
 void operator delete(void* memory, std::size_t) noexcept { uncounted(memory); }

@@ -24,19 +24,16 @@ struct Grain {
 
 std::vector<Grain> grains_of(const Simulation& run) {
   const Image image = run.snapshot({"position", "velocity", "radius", "material"});
-  const auto array = [&](Field field) -> const FieldArray& {
-    return *std::find_if(image.fields.begin(), image.fields.end(),
-                         [&](const FieldArray& a) { return a.field == field; });
-  };
   const auto vector = [&](Field field, std::size_t i) {
-    const std::vector<double>& v = array(field).reals;
+    const std::vector<double>& v = image.find(field)->reals;
     return Vec3{v[3 * i], v[3 * i + 1], v[3 * i + 2]};
   };
   std::vector<Grain> grains;
-  for (std::size_t i = 0; i < array(Field::radius).reals.size(); ++i) {
-    const Material& material = run.scene().materials[array(Field::material).indices[i]];
-    grains.push_back({vector(Field::position, i), vector(Field::velocity, i), array(Field::radius).reals[i],
-                      material.density, material.name});
+  const std::vector<double>& radii = image.find(Field::radius)->reals;
+  for (std::size_t i = 0; i < radii.size(); ++i) {
+    const Material& material = run.scene().materials[image.find(Field::material)->indices[i]];
+    grains.push_back(
+        {vector(Field::position, i), vector(Field::velocity, i), radii[i], material.density, material.name});
   }
   return grains;
 }

@@ -84,6 +84,25 @@ TEST_CASE("the automatic step names what bounds it: the stiffest contact, the Ra
   CHECK(make_plan(windy, 1).gas_steps == 1);
 }
 
+TEST_CASE("the skin is a tenth of the diameter that most grains have, however large a few others are") {
+  Scene scene = scenes::basic();
+  scene.domain.high = {1, 1, 1};
+  const auto group = [](std::int64_t count, double diameter) {
+    ParticleGroup made;
+    made.material = "glass";
+    made.diameter.value = diameter;
+    RandomFill fill;
+    fill.region = BoxRegion{{{0, 0, 0}, {1, 1, 1}}};
+    fill.count = count;
+    made.fill = fill;
+    return made;
+  };
+  scene.particles = {group(10, 0.1), group(990, 0.01)};
+  CHECK(make_plan(scene, 1).skin == Approx(0.1 * (10 * 0.1 + 990 * 0.01) / 1000));
+  scene.particles.pop_back();
+  CHECK(make_plan(scene, 1).skin == Approx(0.01));
+}
+
 TEST_CASE("a run with grains faster than its step was chosen for says so once, with numbers, and goes on") {
   Scene scene = impact(NormalLaw::hertz, 0.9, 4.0, 0.001);
   scene.time.max_speed = 0.5;
