@@ -455,9 +455,10 @@ void keep_within_memory(Simulation& simulation, const std::optional<FreeMemory>&
   };
   const double held = on_node(peak_memory()), arrays = on_node(simulation.memory());
   const bool is_known = free && share && arrays > 0.0;
-  double narrowest = is_known ? -widest_skin_within(free->bytes, held, arrays, simulation.plan()) : -infinity;
-  world.max(std::span(&narrowest, 1));  // of all nodes
-  simulation.bound_skin(-narrowest);
+  const double widest = is_known ? widest_skin_within(free->bytes, held, arrays, simulation.plan()) : infinity;
+  double negative = -widest;
+  world.max(std::span(&negative, 1));  // the least of all nodes
+  simulation.bound_skin(-negative);
 }
 
 /// Puts the results where they belong, from the first to the last of them.
