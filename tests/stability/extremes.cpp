@@ -359,6 +359,80 @@ TEST_CASE("a cluster that holds together keeps its momentum and angular momentum
   check_sticky_cluster(1000000);
 }
 
+namespace {
+
+/// A boulder with its centre at the origin, and fine grains of the same material, `ratio` times smaller.
+Scene boulder_scene(double ratio, const std::vector<Grain>& fines) {
+  Scene s = scene_of(fines);
+  s.particles[0].diameter.value = 2 * radius / ratio;
+  s.particles.push_back(scene_of({{{0, 0, 0}, {}, {}}}).particles[0]);
+  s.contact.pairs[0].normal_stiffness = 1e4 / ratio;
+  return s;
+}
+
+}  // namespace
+
+TEST_CASE("a fine grain leaves a boulder with the restitution that it has with its like, head-on and at a slant") {
+  for (const double ratio : {3.0, 10.0, 100.0})
+    for (const double restitution : {0.3, 0.9}) {
+      INFO("1:" << ratio << ", restitution " << restitution);
+      const double fine = radius / ratio, apart = 1.001 * (radius + fine);
+      // one comes from above, one at 45 degrees from the side, with friction
+      Scene s = boulder_scene(ratio, {{{0, 0, apart}, {0, 0, -0.5}, {}}, {{-apart, 0, 0}, {0.5, 0.5, 0}, {}}});
+      s.contact.pairs[0].restitution = restitution;
+      s.time.steps_per_contact = 100.0;
+      s.output.energy = true;
+      Simulation run(s, 1);
+      advance_past_restart(run, s, 60);
+      advance(run, 600);
+      const Image image = run.snapshot();
+      const Vec3 from_above = vector_of(image, Field::velocity, 0), slanting = vector_of(image, Field::velocity, 1),
+                 boulder = vector_of(image, Field::velocity, 2);
+      const double cube = ratio * ratio * ratio;
+      report("1:%.0f, restitution %.1f: %.4f head-on, %.4f at a slant", ratio, restitution,
+             (from_above.z - boulder.z) / 0.5, (boulder.x - slanting.x) / 0.5);
+      CHECK((from_above.z - boulder.z) / 0.5 == Approx(restitution).epsilon(0.01));
+      // while it slides the contact goes around the boulder, the further the larger the fine grain
+      CHECK((boulder.x - slanting.x) / 0.5 == Approx(restitution).epsilon(0.05));
+      CHECK(slanting.y > 0.0);
+      CHECK(slanting.y < 0.5);
+      // what the fines have given the boulder has
+      const Vec3 momentum = from_above + slanting + cube * boulder;
+      CHECK(length(momentum - Vec3{0.5, 0.5, -0.5}) < 1e-12 * cube);
+      const EnergyLedger ledger = run.energy();
+      CHECK(std::abs(ledger.error()) < 2e-3 * ledger.initial);
+    }
+}
+
+TEST_CASE("fines between a boulder and the walls of a corner come to rest, load and all, and do not jitter") {
+  // A boulder in a corner of three planes; fines trickle into the gaps below it, and some bear it.
+  const double ratio = 10.0, fine = radius / ratio;
+  std::vector<Grain> fines;
+  for (int i = 0; i < 8; ++i)
+    for (int j = 0; j < 8; ++j) fines.push_back({{(1.1 + 2.2 * i) * fine, (1.1 + 2.2 * j) * fine, 1.1 * fine}, {}, {}});
+  Scene s = boulder_scene(ratio, fines);
+  std::get<ListedGrains>(s.particles[1].fill).grains[0].position = {1.02 * radius, 1.02 * radius, 1.3 * radius};
+  s.domain.low = {-0.001, -0.001, -0.001};
+  s.domain.high = {4 * radius, 4 * radius, 4 * radius};
+  s.time.gravity = {-2.0, -2.0, -9.81};
+  s.time.damping = 100.0;
+  for (const Vec3 normal : {Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}})
+    scenes::add_wall(s, "wall" + std::to_string(s.walls.size()), PlaneShape{{0, 0, 0}, normal});
+  Simulation run(s, 1);
+  advance_past_restart(run, s, 2000);
+  advance(run, 450000);
+  const std::vector<double> before = run.snapshot().find(Field::position)->reals;
+  for (int k = 0; k < 5; ++k) {
+    CHECK(largest_speed(run) < 1e-12);
+    advance(run, 10000);
+  }
+  const std::vector<double> after = run.snapshot().find(Field::position)->reals;
+  double most = 0.0;
+  for (std::size_t k = 0; k < after.size(); ++k) most = std::max(most, std::abs(after[k] - before[k]));
+  report("fines under a boulder, 50,000 steps at rest: moved by at most %.1e m", most);
+  CHECK(most < 1e-13);
+}
+
 TEST_CASE("Newton's cradle passes an impact on: the last grain leaves with nearly all of the speed") {
   std::vector<Grain> grains{{{-2.5 * radius, 0, 0}, {1, 0, 0}, {}}};
   for (int i = 0; i < 4; ++i) grains.push_back({{2.002 * radius * i, 0, 0}, {}, {}});
