@@ -43,7 +43,7 @@ class Hierarchy {
     for (int colour = 0; colour < 2; ++colour)
       for (int k = 0; k < level.rows.n(2); ++k)
         for (int j = 0; j < level.rows.n(1); ++j)
-          relax(level.rows, level.row(j, k), colour, level.faces(), level.r.data(), level.inverse.data(),
+          relax(level.rows, level.row(j, k), colour, false, level.faces(), level.r.data(), level.inverse.data(),
                 level.z.data());
   }
   void cycle() {

@@ -268,13 +268,14 @@ void Multigrid::smooth_row(MultigridLevel& level, int j, int k, int half_sweep, 
   const SplitRows& rows = level.rows;
   const Row row = level.row(j, k);
   const int colour = half_sweep % 2;
+  const bool wraps = level.share.periodic[0];
   if (is_first) {
     relax_from_zero(rows, row, colour, level.r.data(), level.inverse.data(), level.z.data());
     clear_colour(rows, row, 1 - colour, level.z.data() + row.start);
   } else {
-    relax(rows, row, colour, level.faces(), level.r.data(), level.inverse.data(), level.z.data());
+    relax(rows, row, colour, wraps, level.faces(), level.r.data(), level.inverse.data(), level.z.data());
   }
-  if (level.share.periodic[0]) wrap_row(rows, level.z.data() + row.start);
+  if (wraps) wrap_row(rows, level.z.data() + row.start);
 }
 
 /// The residual of the colour relaxed last is zero, except across a seam.

@@ -44,9 +44,10 @@ void relax_from_zero(const SplitRows& rows, Row row, int colour, const float* r,
   for (int m = 0; m < h.n_room; ++m) to[m] = from[m] * inv[m];
 }
 
-void relax(const SplitRows& rows, Row row, int colour, FaceWeights<float> w, const float* r, const float* inverse,
-           float* z) {
+void relax(const SplitRows& rows, Row row, int colour, bool wraps, FaceWeights<float> w, const float* r,
+           const float* inverse, float* z) {
   const Half h = half_of(rows, row.start, is_odd(row, colour));
+  const int n = wraps ? h.n : h.n_room;
   const float* __restrict__ rhs = r + h.at;
   const float* __restrict__ inv = inverse + h.at;
   const float* __restrict__ xl = z + h.x_low, * __restrict__ xh = z + h.x_high;
@@ -57,10 +58,11 @@ void relax(const SplitRows& rows, Row row, int colour, FaceWeights<float> w, con
   const float* __restrict__ wzl = w[2] + h.at, * __restrict__ wzh = w[2] + h.at + h.z_stride;
   float* __restrict__ to = z + h.at;
 #pragma GCC ivdep
-  for (int m = 0; m < h.n_room; ++m) {
+  for (int m = 0; m < n; ++m) {
     const float x = wxl[m] * xl[m] + wxh[m] * xh[m], y = wyl[m] * yl[m] + wyh[m] * yh[m];
     to[m] = (rhs[m] + (x + (y + (wzl[m] * zl[m] + wzh[m] * zh[m])))) * inv[m];
   }
+  std::fill(to + n, to + h.n_room, 0.0F);
 }
 
 void residual(const SplitRows& rows, Row row, int colour, FaceWeights<float> w, const float* r, const float* z,

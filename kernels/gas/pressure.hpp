@@ -24,9 +24,10 @@ struct Row {
 /// z = r / diagonal for the cells of a colour: the first sweep from z = 0. `inverse` is that of the diagonal, zero where there is no cell.
 void relax_from_zero(const SplitRows& rows, Row row, int colour, const float* r, const float* inverse, float* z);
 
-/// Gauss-Seidel on the cells of a colour: z = (r + sum w z_beyond) / diagonal.
-void relax(const SplitRows& rows, Row row, int colour, FaceWeights<float> w, const float* r, const float* inverse,
-           float* z);
+/// Gauss-Seidel on the cells of a colour: z = (r + sum w z_beyond) / diagonal. `wraps`: x is periodic, so that what lies behind the cells of
+/// other rows are ghosts, which other threads may be writing; it is not read then.
+void relax(const SplitRows& rows, Row row, int colour, bool wraps, FaceWeights<float> w, const float* r,
+           const float* inverse, float* z);
 
 /// r - M z on the cells of a colour; out_row is a row.
 void residual(const SplitRows& rows, Row row, int colour, FaceWeights<float> w, const float* r, const float* z,

@@ -131,7 +131,7 @@ void check(const LawChoice& choice, const Worst& worst) {
   CHECK(worst.force < tolerance);
   CHECK(worst.torque < tolerance);
   // losses are differences of energies, what a spring holds that slides is one of forces
-  const double of_differences = choice.is_mixed ? 10.0 * tolerance : tolerance;
+  const double of_differences = 10.0 * tolerance;
   CHECK(worst.history < of_differences);
   CHECK(worst.energy < of_differences);
 }
