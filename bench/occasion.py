@@ -35,6 +35,16 @@ def moment():
     return f"{datetime.datetime.now():%Y-%m-%d %H:%M}"
 
 
+def append(page, title, text):
+    """To a page of bench/results, which begins with the title and the script that writes it."""
+    path = os.path.join(root, "bench", "results", page)
+    is_new = not os.path.exists(path)
+    with open(path, "a") as out:
+        if is_new:
+            out.write(f"# {title}\n\nWritten by `{os.path.relpath(os.path.abspath(sys.argv[0]), root)}`, newest last.\n")
+        out.write("\n" + text)
+
+
 def facts():
     """Lines of a list: machine, date, commit, command."""
     return [f"- machine: {machine()}", f"- commit: {commit()}, {moment()}", f"- command: `{command()}`"]
