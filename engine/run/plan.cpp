@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include "engine/contacts/law_table.hpp"
 #include "engine/gas/gas_flow.hpp"
@@ -198,22 +199,8 @@ void describe(const Scene& scene, Plan& plan) {
   say(plan.chosen, scene.gas.has_value(), "gas", "gas", plan.left_out);
 }
 
-}  // namespace
-
-bool are_grains_alike(const Scene& scene) {
-  Sizes all;
-  int n_materials = 0;
-  for (const Material& material : scene.materials) {
-    const Sizes sizes = sizes_of(scene, material.name);
-    if (!(sizes.largest > 0.0)) continue;
-    ++n_materials;
-    all.smallest = std::min(all.smallest, sizes.smallest);
-    all.largest = std::max(all.largest, sizes.largest);
-  }
-  return n_materials == 1 && all.smallest == all.largest;
-}
-
-double mean_diameter(const Scene& scene) {
+/// mean_diameter() of so many grains in each group [m].
+double mean_diameter_of(const Scene& scene, const std::vector<std::int64_t>& n_grains) {
   const auto mean_of = [](const DiameterSampler& sampler) {
     constexpr int n = 64;
     double sum = 0.0;
@@ -221,7 +208,6 @@ double mean_diameter(const Scene& scene) {
     return sum / n;
   };
   double sum = 0.0, count = 0.0;
-  const std::vector<std::int64_t> n_grains = count_groups(scene);
   for (std::size_t i = 0; i < n_grains.size(); ++i) {
     const ParticleGroup& group = scene.particles[i];
     const auto n = static_cast<double>(n_grains[i]);
@@ -243,6 +229,23 @@ double mean_diameter(const Scene& scene) {
       for (const GrainSeed& grain : inlet.list->grains) sum += 2.0 * grain.radius, count += 1.0;
   return count > 0.0 ? sum / count : 0.0;
 }
+
+}  // namespace
+
+bool are_grains_alike(const Scene& scene) {
+  Sizes all;
+  int n_materials = 0;
+  for (const Material& material : scene.materials) {
+    const Sizes sizes = sizes_of(scene, material.name);
+    if (!(sizes.largest > 0.0)) continue;
+    ++n_materials;
+    all.smallest = std::min(all.smallest, sizes.smallest);
+    all.largest = std::max(all.largest, sizes.largest);
+  }
+  return n_materials == 1 && all.smallest == all.largest;
+}
+
+double mean_diameter(const Scene& scene) { return mean_diameter_of(scene, count_groups(scene)); }
 
 double expected_speed(const Scene& scene) {
   if (scene.time.max_speed > 0.0) return scene.time.max_speed;
@@ -389,8 +392,9 @@ Plan make_plan(const Scene& scene, int n_threads) {
     plan.gas_steps = static_cast<std::uint64_t>(
         std::clamp(std::floor(choose_gas_step(scene) / plan.time_step.step * (1.0 + 1e-9)), 1.0, most_steps));
   if (scene.gas) look_at_viscosity(scene, plan);
-  plan.n_grains = static_cast<std::uint64_t>(count_grains(scene));
-  plan.skin = scene.run.skin > 0.0 ? scene.run.skin : 0.1 * mean_diameter(scene);
+  const std::vector<std::int64_t> n_grains = count_groups(scene);
+  plan.n_grains = static_cast<std::uint64_t>(std::accumulate(n_grains.begin(), n_grains.end(), std::int64_t{0}));
+  plan.skin = scene.run.skin > 0.0 ? scene.run.skin : 0.1 * mean_diameter_of(scene, n_grains);
   plan.memory = bytes_of_program + static_cast<double>(plan.n_grains) * bytes_per_grain(scene) +
                 (scene.gas ? n_gas_cells(scene) * bytes_per_cell(*scene.gas) : 0.0);
   for (const Probe& probe : scene.output.probes)

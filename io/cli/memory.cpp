@@ -7,9 +7,12 @@
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
+#include <numeric>
+#include <span>
 #include <sstream>
 
 #include "io/cli/job_script.hpp"
+#include "io/cli/summary.hpp"
 #include "io/cli/text.hpp"
 
 namespace moraine {
@@ -118,12 +121,34 @@ std::optional<std::string> expect_to_fit(const Plan& plan, const Layout& layout,
       bytes_text(needed), bytes_text(free->bytes), free->source));
 }
 
+std::optional<double> share_of_node(const World& world) {
+  if (world.is_alone()) return 1.0;
+  const char* const n = std::getenv("OMPI_COMM_WORLD_LOCAL_SIZE");
+  const int n_here = n == nullptr ? 0 : std::atoi(n);
+  if (n_here < 1 || n_here > world.size()) return std::nullopt;
+  return static_cast<double>(n_here) / world.size();
+}
+
 double widest_skin_within(double free, double held, double arrays, const Plan& plan) {
   constexpr double rebuild = 1.3;  // of the arrays, while they are made anew
   constexpr double reserve = 0.1;  // for what comes and goes: output, buffers
   const double diameter = 10.0 * plan.skin;
   const double growth = ((1.0 - reserve) * free - held + arrays) / (rebuild * arrays);  // of the arrays
   return growth > 1.0 ? (diameter + plan.skin) * std::cbrt(growth) - diameter : plan.skin;
+}
+
+void keep_within_memory(Simulation& simulation, const std::optional<FreeMemory>& free, const World& world) {
+  const std::optional<double> share = share_of_node(world);
+  const auto on_node = [&](double bytes) {
+    const std::vector<double> all = world.gather(bytes);
+    return share.value_or(0.0) * std::accumulate(all.begin(), all.end(), 0.0);
+  };
+  const double held = on_node(peak_memory()), arrays = on_node(simulation.memory());
+  const bool is_known = free && share && arrays > 0.0;
+  const double widest = is_known ? widest_skin_within(free->bytes, held, arrays, simulation.plan()) : infinity;
+  double negative = -widest;
+  world.max(std::span(&negative, 1));  // the least of all nodes
+  simulation.bound_skin(-negative);
 }
 
 }  // namespace moraine

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "engine/run/plan.hpp"
+#include "engine/run/simulation.hpp"
 #include "io/cli/layout.hpp"
 
 namespace moraine {
@@ -32,5 +32,11 @@ std::optional<std::string> expect_to_fit(const Plan& plan, const Layout& layout,
 /// The widest skin [m] with which a run keeps within what is free [bytes]: pairs become more as the cube of their reach. The run's processes
 /// hold `held`, `arrays` of it in what grows with the pairs, at the skin of the plan.
 double widest_skin_within(double free, double held, double arrays, const Plan& plan);
+
+/// The share of the ranks that is on this rank's node, as mpirun tells; srun and others do not.
+std::optional<double> share_of_node(const World& world);
+
+/// Bounds the skin of a run by the memory that was free before it took its own, where that and the ranks of a node are known. All ranks.
+void keep_within_memory(Simulation& simulation, const std::optional<FreeMemory>& free, const World& world);
 
 }  // namespace moraine

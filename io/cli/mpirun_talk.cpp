@@ -29,7 +29,7 @@ bool is_aside(const std::string& line) {
   return (line.starts_with("mpirun") && line.find(": Forwarding signal") != std::string::npos) ||
          line.find("sent help message help-mpi-api.txt") != std::string::npos ||
          line.find("] Read -1, expected ") != std::string::npos ||
-         (line.find("ORTE_ERROR_LOG: Data unpack ") != std::string::npos &&
+         (line.find("ORTE_ERROR_LOG: ") != std::string::npos &&
           line.find("/util/show_help.c at line") != std::string::npos) ||
          line.find("\"orte_base_help_aggregate\" to 0") != std::string::npos;
 }

@@ -5,11 +5,9 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <functional>
 #include <new>
-#include <numeric>
 #include <span>
 #include <sstream>
 
@@ -435,30 +433,6 @@ void say_what_runs(const Scene& scene, const Simulation& simulation, const Start
   if (start.checkpoint)
     log.say(fmt::format("going on from {}: step {}, {:.6g} s", start.checkpoint_path.string(),
                         start.checkpoint->image.step, start.checkpoint->image.time));
-}
-
-/// The share of the ranks that is on this rank's node, as mpirun tells; srun and others do not.
-std::optional<double> share_of_node(const World& world) {
-  if (world.is_alone()) return 1.0;
-  const char* const n = std::getenv("OMPI_COMM_WORLD_LOCAL_SIZE");
-  const int n_here = n == nullptr ? 0 : std::atoi(n);
-  if (n_here < 1 || n_here > world.size()) return std::nullopt;
-  return static_cast<double>(n_here) / world.size();
-}
-
-/// Fast grains have wide skins, and many pairs: no more of them than there is room for in the memory that was free before the start.
-void keep_within_memory(Simulation& simulation, const std::optional<FreeMemory>& free, const World& world) {
-  const std::optional<double> share = share_of_node(world);
-  const auto on_node = [&](double bytes) {
-    const std::vector<double> all = world.gather(bytes);
-    return share.value_or(0.0) * std::accumulate(all.begin(), all.end(), 0.0);
-  };
-  const double held = on_node(peak_memory()), arrays = on_node(simulation.memory());
-  const bool is_known = free && share && arrays > 0.0;
-  const double widest = is_known ? widest_skin_within(free->bytes, held, arrays, simulation.plan()) : infinity;
-  double negative = -widest;
-  world.max(std::span(&negative, 1));  // the least of all nodes
-  simulation.bound_skin(-negative);
 }
 
 /// Puts the results where they belong, from the first to the last of them.

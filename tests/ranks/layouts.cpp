@@ -112,6 +112,7 @@ void compare_layouts(int lengthened) {
       scene.run.balance = modes[n_runs % std::size(modes)];
       INFO(name_of(name, layout) << ", balance " << n_runs % std::size(modes));
       Simulation simulation(scene, layout.threads, *world);
+      if (n_runs % 3 == 0) simulation.bound_skin(0.0);  // as where memory is short
       if (n_runs % 5 == 0)
         simulation.force_threads([rank = world->rank()](std::uint64_t rebuild) { return odd_threads(rank, rebuild); });
       try {

@@ -61,6 +61,7 @@ TEST_CASE(
       "../../../orte/util/show_help.c at line 501\n"
       "[n1:123] [[1755,0],0] ORTE_ERROR_LOG: Data unpack had inadequate space in file "
       "../../../orte/util/show_help.c at line 501\n"
+      "[n1:123] [[1755,0],0] ORTE_ERROR_LOG: Out of resource in file ../../../orte/util/show_help.c at line 507\n"
       "[n1:123] Read -1, expected 4080, errno = 3\n"
       "[n1:123] Set MCA parameter \"orte_base_help_aggregate\" to 0 to see all help / error messages\n";
   const std::string text = before + notice("MPI_ABORT was invoked on rank 3\nwith errorcode 1.") + own + aside +

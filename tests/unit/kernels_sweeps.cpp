@@ -130,8 +130,8 @@ void check(const LawChoice& choice, const Worst& worst) {
   const double tolerance = !choice.is_mixed ? 1e-12 : choice.cohesion == CohesionLaw::jkr ? 1e-3 : 1e-5;
   CHECK(worst.force < tolerance);
   CHECK(worst.torque < tolerance);
-  // losses are differences of energies, what a spring holds that slides is one of forces
-  const double of_differences = 10.0 * tolerance;
+  // losses are differences of energies, what a spring holds that slides is one of forces (in double clang's are up to 3.4 times as far off)
+  const double of_differences = (choice.is_mixed ? 10.0 : 4.0) * tolerance;
   CHECK(worst.history < of_differences);
   CHECK(worst.energy < of_differences);
 }
