@@ -135,19 +135,19 @@ class ParetoSweep {
   std::vector<ParetoResult> results() const {
     std::vector<ParetoResult> all;
     for (std::size_t i = 0; i < plan_.settings.size(); ++i) all.push_back(result_of(i));
-    // A skin changes no bit; where the states agree, so do the errors.
+    // A skin changes no bit; where the states agree, so do the errors, of which the scene has more repeats.
     const auto scene =
         std::find_if(all.begin(), all.end(), [](const ParetoResult& r) { return r.setting.kind == ParetoKind::scene; });
     for (ParetoResult& result : all)
       if (result.is_good() && scene->is_good() && result.setting.kind == ParetoKind::skin &&
-          result.hashes.front() == scene->hashes.front())
+          std::equal(result.hashes.begin(), result.hashes.end(), scene->hashes.begin()))
         result.errors = scene->errors;
     return all;
   }
 
  private:
-  /// Skins are tried for their speed only.
-  static int repeats_of(const ParetoSetting& setting) { return setting.kind == ParetoKind::skin ? 1 : 1 << 30; }
+  /// Skins are tried for their speed only, which a few repeats tell.
+  static int repeats_of(const ParetoSetting& setting) { return setting.kind == ParetoKind::skin ? 5 : 1 << 30; }
 
   std::string name_of(const ParetoRun& run) const {
     return plan_.settings[run.setting].id + '-' + std::to_string(run.repeat);
@@ -252,6 +252,7 @@ class ParetoSweep {
     for (const ParetoRecord& record : runs) {
       by_time.push_back(&record.summary);
       result.hashes.push_back(record.summary.hash);
+      result.times.push_back(record.summary.seconds());
     }
     std::sort(by_time.begin(), by_time.end(),
               [](const RunSummary* a, const RunSummary* b) { return a->seconds() < b->seconds(); });

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "io/checkpoint/durable_file.hpp"
@@ -26,7 +27,8 @@ std::string seconds_text(double seconds) {
 
 std::string mark_of(const ParetoResults& results, std::size_t i) {
   if (results.recommended == i) return "recommended";
-  return results.results[i].is_on_front ? "front" : "";
+  const ParetoStanding standing = results.results[i].standing;
+  return standing == ParetoStanding::front ? "front" : standing == ParetoStanding::open ? "front?" : "";
 }
 
 std::vector<std::string> row_of(const ParetoResults& results, std::size_t i) {
@@ -60,7 +62,12 @@ std::string legend(const ParetoResults& results) {
         "deviation over time\nwhere that is larger), the largest of the statistics; +- is a 95 % confidence interval "
         "from runs with other seeds.\n",
         results.from);
-  else
+  if (results.repeats > 1)
+    text +=
+        "front: all that may be as fast are less accurate; front?: may be on it, as intervals of errors or times "
+        "overlap; no "
+        "mark: another is\nknown to be at least as fast and as accurate.\n";
+  if (results.measure == ParetoMeasure::paths)
     text +=
         "Errors are root mean squares over all grains and the run: distance from the reference's paths in mean "
         "diameters, or difference\nof a probe's rows over their size; the largest of them.\n";
@@ -89,7 +96,7 @@ Json json_of(const ParetoResults& results, std::size_t i) {
   }
   json["particle_steps_per_second"] = r.speed;
   json["seconds_to_end"] = r.seconds;
-  json["is_on_front"] = r.is_on_front;
+  json["standing"] = word_for(r.standing);
   json["is_recommended"] = results.recommended == i;
   json["errors"] = Json::array();
   for (const ParetoError& error : r.errors) {
@@ -137,14 +144,19 @@ std::string data_of(const ParetoResults& results, const Series& one) {
   return text;
 }
 
-/// The corner points of the front, from the fastest to the most accurate.
+/// The corner points of the front, from the fastest to the most accurate: what is known to be within the error for the time.
 std::string front_data(const ParetoResults& results) {
-  std::vector<const ParetoResult*> front;
+  std::vector<const ParetoResult*> by_time;
   for (const ParetoResult& r : results.results)
-    if (r.is_on_front) front.push_back(&r);
-  std::sort(front.begin(), front.end(), [](const auto* a, const auto* b) { return a->seconds < b->seconds; });
+    if (r.is_good() && r.setting.kind != ParetoKind::reference && !r.errors.empty()) by_time.push_back(&r);
+  std::sort(by_time.begin(), by_time.end(), [](const auto* a, const auto* b) { return a->seconds < b->seconds; });
   std::string text;
-  for (const ParetoResult* r : front) text += fmt::format("{} {}\n", r->seconds, shown(r->worst().bound()));
+  double least = std::numeric_limits<double>::infinity();
+  for (const ParetoResult* r : by_time) {
+    if (!(r->worst().bound() < least)) continue;
+    least = r->worst().bound();
+    text += fmt::format("{} {}\n", r->seconds, shown(least));
+  }
   return text;
 }
 
@@ -193,7 +205,7 @@ std::string pareto_csv(const ParetoResults& results) {
     row.push_back(has_errors ? number_text(r.worst().value) : "");
     row.push_back(has_errors ? width(r.worst()) : "");
     row.push_back(has_errors ? r.worst().quantity : "");
-    row.push_back(r.is_on_front ? "yes" : "no");
+    row.push_back(r.standing == ParetoStanding::beaten ? "no" : r.standing == ParetoStanding::open ? "open" : "yes");
     row.push_back(results.recommended == i ? "yes" : "no");
     row.push_back(r.failure);
     for (std::size_t k = 0; k < n_quantities; ++k) {

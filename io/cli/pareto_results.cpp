@@ -172,20 +172,53 @@ bool is_candidate(const ParetoResult& result) {
   return result.is_good() && result.setting.kind != ParetoKind::reference && !result.errors.empty();
 }
 
-/// No other candidate is at least as fast and as surely accurate, and better in one of the two. An interval counts as error: with few repeats
-/// the mean of a setting is small by chance.
-void mark_front(std::vector<ParetoResult>& results) {
-  for (ParetoResult& one : results) {
-    one.is_on_front = is_candidate(one);
-    if (!one.is_on_front) continue;
-    const double error = one.worst().bound();
-    for (const ParetoResult& other : results) {
-      if (&other == &one || !is_candidate(other)) continue;
-      const double others = other.worst().bound();
-      if (other.seconds <= one.seconds && others <= error && (other.seconds < one.seconds || others < error))
-        one.is_on_front = false;
-    }
+/// One setting beside another, as far as it is known.
+enum class Comparison { better, same, worse, unknown };
+
+/// The times of `one` beside those of `other`. Without repeats there is no interval, and the times are taken as they are.
+Comparison compare_times(const ParetoResult& one, const ParetoResult& other) {
+  std::vector<double> logs;
+  for (std::size_t i = 0; i < std::min(one.times.size(), other.times.size()); ++i)
+    logs.push_back(std::log(one.times[i] / other.times[i]));
+  const double mean = std::accumulate(logs.begin(), logs.end(), 0.0) / static_cast<double>(logs.size());
+  const std::optional<double> half_width = half_width_of_mean(logs);
+  if (mean + half_width.value_or(0.0) < 0.0) return Comparison::better;
+  if (mean - half_width.value_or(0.0) > 0.0) return Comparison::worse;
+  return half_width ? Comparison::unknown : Comparison::same;
+}
+
+/// Runs that end in the same states have the same errors, whatever their intervals.
+bool is_same_state(const ParetoResult& one, const ParetoResult& other) {
+  const std::size_t n = std::min(one.hashes.size(), other.hashes.size());
+  return n > 0 &&
+         std::equal(one.hashes.begin(), one.hashes.begin() + static_cast<std::ptrdiff_t>(n), other.hashes.begin());
+}
+
+Comparison compare_errors(const ParetoResult& one, const ParetoResult& other) {
+  if (is_same_state(one, other)) return Comparison::same;
+  if (one.worst().bound() < other.least_error()) return Comparison::better;
+  if (one.least_error() > other.worst().bound()) return Comparison::worse;
+  const bool is_exact = !one.worst().half_width && !other.worst().half_width;
+  return is_exact ? Comparison::same : Comparison::unknown;
+}
+
+/// With few repeats the mean of a setting is small by chance: what intervals leave open is said to be open.
+ParetoStanding standing_of(const ParetoResult& one, const std::vector<ParetoResult>& results) {
+  ParetoStanding standing = ParetoStanding::front;
+  for (const ParetoResult& other : results) {
+    if (&other == &one || !is_candidate(other)) continue;
+    const Comparison time = compare_times(one, other), error = compare_errors(one, other);
+    if (time == Comparison::better || error == Comparison::better) continue;
+    if (time == Comparison::same && error == Comparison::same) continue;
+    if (time != Comparison::unknown && error != Comparison::unknown) return ParetoStanding::beaten;
+    standing = ParetoStanding::open;
   }
+  return standing;
+}
+
+void mark_front(std::vector<ParetoResult>& results) {
+  for (ParetoResult& one : results)
+    one.standing = is_candidate(one) ? standing_of(one, results) : ParetoStanding::beaten;
 }
 
 /// Where halving the step again and again does not bring the paths together, they are not what can be compared.
@@ -208,12 +241,12 @@ std::string error_text(const ParetoError& error) {
   return error.half_width ? fmt::format("{} +- {:.2g} %", size, 100.0 * *error.half_width) : size;
 }
 
-/// One of the front.
+/// One that nothing is known to beat.
 void recommend(ParetoResults& results) {
   std::optional<std::size_t> best, surest;
   for (std::size_t i = 0; i < results.results.size(); ++i) {
     const ParetoResult& result = results.results[i];
-    if (!result.is_on_front) continue;
+    if (result.standing == ParetoStanding::beaten) continue;
     const double bound = result.worst().bound();
     if (bound <= results.accept && (!best || result.seconds < results.results[*best].seconds)) best = i;
     if (!surest || bound < results.results[*surest].worst().bound()) surest = i;
@@ -237,6 +270,17 @@ void recommend(ParetoResults& results) {
 }
 
 }  // namespace
+
+const char* word_for(ParetoStanding standing) {
+  static constexpr const char* words[] = {"beaten", "open", "front"};
+  return words[static_cast<std::size_t>(standing)];
+}
+
+double ParetoResult::least_error() const {
+  double least = 0.0;
+  for (const ParetoError& error : errors) least = std::max(least, error.least());
+  return least;
+}
 
 const ParetoError& ParetoResult::worst() const {
   return *std::max_element(errors.begin(), errors.end(),

@@ -2,6 +2,7 @@
 // the setting to recommend.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -32,22 +33,35 @@ struct ParetoError {
   double reference = 0.0;            // what it is relative to, in the quantity's unit
   /// What is known to hold the error.
   double bound() const { return (value < 0.0 ? -value : value) + half_width.value_or(0.0); }
+  /// What the error is known to have at least.
+  double least() const { return std::max((value < 0.0 ? -value : value) - half_width.value_or(0.0), 0.0); }
 };
+
+/// Whether a setting is on the efficient front, as far as intervals tell.
+enum class ParetoStanding {
+  beaten,  // another is at least as fast and as accurate, and better in one of the two, beyond both intervals
+  open,    // neither that, nor the opposite is known
+  front    // all that may be as fast are less accurate, beyond both intervals
+};
+const char* word_for(ParetoStanding standing);
 
 /// One setting.
 struct ParetoResult {
   ParetoSetting setting;
   int n_runs = 0;
   double seconds = 0.0;             // [s] of stepping, median of the runs, scaled to the end of the scene
+  std::vector<double> times;        // [s] of stepping of each repeat
   double speed = 0.0;               // [particle-steps/s] of that run
   std::vector<ParetoError> errors;  // of each quantity; none where it failed
   std::string failure;              // what the run said as it stopped; empty: it did not
   std::vector<std::string> hashes;  // end states, in order of the repeats
-  bool is_on_front = false;
+  ParetoStanding standing = ParetoStanding::beaten;
 
   bool is_good() const { return failure.empty(); }
   /// The quantity that may have the largest error, its interval included.
   const ParetoError& worst() const;
+  /// What the largest error is known to have at least.
+  double least_error() const;
 };
 
 struct ParetoResults {
@@ -76,8 +90,8 @@ std::vector<ParetoError> errors_between(const ParetoPlan& plan, const std::vecto
 /// Half the width of the 95 % confidence interval of a mean, from its samples (Student 1908); none for fewer than two.
 std::optional<double> half_width_of_mean(const std::vector<double>& samples);
 
-/// Marks the front (no other setting is both faster and more surely accurate), looks whether paths converge, and recommends.
-/// The reference is not a candidate.
+/// Finds who is on the front, looks whether paths converge, and recommends. Times are compared repeat by repeat, as runs of one
+/// repeat follow each other, so that a machine that changes its speed slows both. The reference is not a candidate.
 void judge(ParetoResults& results);
 
 }  // namespace moraine

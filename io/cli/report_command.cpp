@@ -109,6 +109,7 @@ HtmlPage pareto_page(const fs::path& directory) {
     row.push_back(fmt::format("{:.3g}", 1e-6 * s.at("particle_steps_per_second").get<double>()));
     row.push_back(fmt::format("{:.3g}", s.at("seconds_to_end").get<double>()));
     const auto size = [](const Json& error) { return std::abs(error.at("error").get<double>()); };
+    const auto bound = [&](const Json& error) { return size(error) + error.value("half_width", 0.0); };
     const Json& all = s.at("errors");
     if (all.empty()) {
       row.insert(row.end(), {"reference", "", "", ""});
@@ -116,14 +117,15 @@ HtmlPage pareto_page(const fs::path& directory) {
       continue;
     }
     const Json& worst =
-        *std::max_element(all.begin(), all.end(), [&](const Json& a, const Json& b) { return size(a) < size(b); });
+        *std::max_element(all.begin(), all.end(), [&](const Json& a, const Json& b) { return bound(a) < bound(b); });
     const auto width = [](const Json& error) {
       return error.contains("half_width") ? percentage(error.at("half_width").get<double>()) : std::string();
     };
     if (s.at("is_recommended").get<bool>()) table.marked.push_back(table.rows.size());
     row.insert(row.end(), {percentage(size(worst)), width(worst), worst.at("quantity").get<std::string>(),
                            s.at("is_recommended").get<bool>() ? "recommended"
-                           : s.at("is_on_front").get<bool>()  ? "front"
+                           : s.at("standing") == "front"      ? "front"
+                           : s.at("standing") == "open"       ? "front?"
                                                               : ""});
     table.rows.push_back(row);
     if (errors.rows.empty()) {
