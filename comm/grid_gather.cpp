@@ -4,14 +4,43 @@
 
 namespace moraine {
 
+namespace {
+
+/// Rows along an axis that come of a rank's block: its cells, and the ghosts beyond the ends of the grid.
+struct RowRange {
+  int first, end;
+};
+RowRange rows_of(const GridShare& share, const CellBlock& block, std::size_t axis, int layers) {
+  return {block.low[axis] == 0 ? -layers : 0,
+          block.high[axis] - block.low[axis] + (block.high[axis] == share.n[axis] ? layers : 0)};
+}
+
+std::size_t bytes_of_block(const GridShare& share, int rank, int layers, std::size_t value_bytes) {
+  const CellBlock block = share.block(rank);
+  const RowRange y = rows_of(share, block, 1, layers), z = rows_of(share, block, 2, layers);
+  return static_cast<std::size_t>(y.end - y.first) * static_cast<std::size_t>(z.end - z.first) *
+         static_cast<std::size_t>(block.size(0) + 2 * layers) * value_bytes;
+}
+
+}  // namespace
+
+GridTraffic to_root_traffic(const GridShare& share, int rank, int layers, std::size_t value_bytes) {
+  const auto bytes = [&](int of) { return static_cast<std::int64_t>(bytes_of_block(share, of, layers, value_bytes)); };
+  GridTraffic traffic;
+  if (rank != 0) return {1, 0, bytes(rank), 0};
+  for (int other = 1; other < share.n_ranks(); ++other) traffic += {0, 1, 0, bytes(other)};
+  return traffic;
+}
+
+GridTraffic from_root_traffic(const GridShare& share, int rank, int layers, std::size_t value_bytes) {
+  const GridTraffic back = to_root_traffic(share, rank, layers, value_bytes);
+  return {back.n_received, back.n_sent, back.bytes_received, back.bytes_sent};
+}
+
 GridGather::GridGather(const World& world, const GridShare& share, int layers, std::size_t value_bytes)
     : share_(share), rank_(world.rank()), layers_(layers), value_bytes_(value_bytes) {
   if (share.n_ranks() == 1) return;
-  const auto bytes_of = [&](int rank) {
-    std::size_t sum = 0;
-    for_each_row(rank, [&](std::size_t, std::size_t, std::size_t bytes) { sum += bytes; });
-    return sum;
-  };
+  const auto bytes_of = [&](int rank) { return bytes_of_block(share, rank, layers, value_bytes); };
   std::vector<Halo::Link> to, from;
   if (rank_ == 0) {
     for (int rank = 1; rank < share.n_ranks(); ++rank) {
@@ -33,12 +62,9 @@ void GridGather::for_each_row(int rank, Move move) const {
   const CellBlock block = share_.block(rank);
   const GridLayout own(block, layers_), whole({{0, 0, 0}, share_.n}, layers_);
   const std::size_t bytes = static_cast<std::size_t>(block.size(0) + 2 * layers_) * value_bytes_;
-  const auto first = [&](std::size_t axis) { return block.low[axis] == 0 ? -layers_ : 0; };
-  const auto end = [&](std::size_t axis) {
-    return block.high[axis] - block.low[axis] + (block.high[axis] == share_.n[axis] ? layers_ : 0);
-  };
-  for (int k = first(2); k < end(2); ++k)
-    for (int j = first(1); j < end(1); ++j)
+  const RowRange y = rows_of(share_, block, 1, layers_), z = rows_of(share_, block, 2, layers_);
+  for (int k = z.first; k < z.end; ++k)
+    for (int j = y.first; j < y.end; ++j)
       move(static_cast<std::size_t>(own.at(-layers_, j, k)) * value_bytes_,
            static_cast<std::size_t>(whole.at(-layers_, block.low[1] + j, block.low[2] + k)) * value_bytes_, bytes);
 }

@@ -32,4 +32,8 @@ class GridGather {
   Halo to_, from_;
 };
 
+/// Of a rank in one to_root(), and in one from_root(), of such values.
+GridTraffic to_root_traffic(const GridShare& share, int rank, int layers, std::size_t value_bytes);
+GridTraffic from_root_traffic(const GridShare& share, int rank, int layers, std::size_t value_bytes);
+
 }  // namespace moraine

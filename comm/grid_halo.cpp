@@ -17,6 +17,13 @@ int neighbour(int part, int by, int n, bool is_periodic) {
 /// Of a periodic line of n cells; n may be smaller than the ghost layers.
 constexpr int wrapped(int i, int n) { return (i % n + n) % n; }
 
+/// Bytes of the ghost layers at one face across y or z.
+std::size_t bytes_of_face(const GridLayout& layout, int axis, int n_fields, std::size_t value_bytes) {
+  const int layers = layout.ghost, along = axis == 1 ? layout.size[2] : layout.size[1];
+  return static_cast<std::size_t>(layout.stride(0) * (layout.size[0] + 2 * layers)) *
+         static_cast<std::size_t>(along + 2 * layers) * static_cast<std::size_t>(layers * n_fields) * value_bytes;
+}
+
 }  // namespace
 
 GridHalo::GridHalo(const World& world, const GridShare& share, int layers, int n_fields, std::size_t value_bytes)
@@ -24,38 +31,52 @@ GridHalo::GridHalo(const World& world, const GridShare& share, int layers, int n
       rank_(world.rank()),
       value_bytes_(value_bytes),
       is_periodic_x_(share.periodic[0]) {
-  const int py = rank_ % share.parts_y(), pz = rank_ / share.parts_y();
   for (int axis = 1; axis < 3; ++axis) {
-    Along& along = along_[axis - 1];
-    const int parts = axis == 1 ? share.parts_y() : share.parts_z(), part = axis == 1 ? py : pz;
-    const auto rank_of_part = [&](int p) {
-      return p < 0 ? -1 : axis == 1 ? share.rank_of(p, pz) : share.rank_of(py, p);
-    };
-    const bool is_periodic = share.periodic[static_cast<std::size_t>(axis)];
-    along.low = rank_of_part(neighbour(part, -1, parts, is_periodic));
-    along.high = rank_of_part(neighbour(part, 1, parts, is_periodic));
-    const std::size_t bytes =
-        static_cast<std::size_t>(layout_.stride(0) * (layout_.size[0] + 2 * layers)) *
-        static_cast<std::size_t>(axis == 1 ? layout_.size[2] + 2 * layers : layout_.size[1] + 2 * layers) *
-        static_cast<std::size_t>(layers * n_fields) * value_bytes;
-    // One message to each neighbour; where both are the same rank, what goes to its high side lies first: it is what
-    // its low neighbour, this rank, has at the high end.
     std::vector<Halo::Link> links;
-    if (along.high >= 0 && along.high != rank_) {
-      along.to_high = links.size();
-      links.push_back({along.high, bytes, bytes});
-    }
-    if (along.low >= 0 && along.low != rank_) {
-      if (along.low == along.high) {
-        along.to_low = along.to_high;
-        links[along.to_high].send_bytes = links[along.to_high].receive_bytes = 2 * bytes;
-      } else {
-        along.to_low = links.size();
-        links.push_back({along.low, bytes, bytes});
-      }
-    }
-    if (!links.empty()) along.halo.open(world, std::move(links));
+    along_[axis - 1] = along_axis(share, rank_, axis, bytes_of_face(layout_, axis, n_fields, value_bytes), links);
+    if (!links.empty()) along_[axis - 1].halo.open(world, std::move(links));
   }
+}
+
+/// One message to each neighbour; where both are the same rank, what goes to its high side lies first: it is what
+/// its low neighbour, this rank, has at the high end.
+GridHalo::Along GridHalo::along_axis(const GridShare& share, int rank, int axis, std::size_t bytes,
+                                     std::vector<Halo::Link>& links) {
+  const int py = rank % share.parts_y(), pz = rank / share.parts_y();
+  const int parts = axis == 1 ? share.parts_y() : share.parts_z(), part = axis == 1 ? py : pz;
+  const auto rank_of_part = [&](int p) { return p < 0 ? -1 : axis == 1 ? share.rank_of(p, pz) : share.rank_of(py, p); };
+  const bool is_periodic = share.periodic[static_cast<std::size_t>(axis)];
+  Along along;
+  along.low = rank_of_part(neighbour(part, -1, parts, is_periodic));
+  along.high = rank_of_part(neighbour(part, 1, parts, is_periodic));
+  if (along.high >= 0 && along.high != rank) {
+    along.to_high = links.size();
+    links.push_back({along.high, bytes, bytes});
+  }
+  if (along.low >= 0 && along.low != rank) {
+    if (along.low == along.high) {
+      along.to_low = along.to_high;
+      links[along.to_high].send_bytes = links[along.to_high].receive_bytes = 2 * bytes;
+    } else {
+      along.to_low = links.size();
+      links.push_back({along.low, bytes, bytes});
+    }
+  }
+  return along;
+}
+
+GridTraffic halo_traffic(const GridShare& share, int rank, int layers, int n_fields, std::size_t value_bytes) {
+  const GridLayout layout(share.block(rank), layers);
+  GridTraffic traffic;
+  for (int axis = 1; axis < 3; ++axis) {
+    std::vector<Halo::Link> links;
+    GridHalo::along_axis(share, rank, axis, bytes_of_face(layout, axis, n_fields, value_bytes), links);
+    for (const Halo::Link& link : links) {
+      const auto sent = static_cast<std::int64_t>(link.send_bytes), got = static_cast<std::int64_t>(link.receive_bytes);
+      traffic += {1, 1, sent, got};
+    }
+  }
+  return traffic;
 }
 
 /// Rows of the layers [first_layer, first_layer + ghost) along the axis, whole in the other directions.

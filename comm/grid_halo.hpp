@@ -41,11 +41,18 @@ class GridHalo {
   void fill_along_x(std::span<void* const> fields) const;
   void fill_along(int axis, std::span<void* const> fields);
 
+  static Along along_axis(const GridShare& share, int rank, int axis, std::size_t bytes,
+                          std::vector<Halo::Link>& links);
+  friend GridTraffic halo_traffic(const GridShare& share, int rank, int layers, int n_fields, std::size_t value_bytes);
+
   GridLayout layout_;
   int rank_ = 0;
   std::size_t value_bytes_ = 0;
   bool is_periodic_x_ = false;
   Along along_[2];
 };
+
+/// Of a rank in one exchange() of such a halo.
+GridTraffic halo_traffic(const GridShare& share, int rank, int layers, int n_fields, std::size_t value_bytes);
 
 }  // namespace moraine

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <vector>
 
 #include "kernels/base/grid.hpp"
@@ -23,6 +24,23 @@ struct GridShare {
   /// The rank that has the cell.
   int owner(int j, int k) const;
 };
+
+/// Messages of one rank in some exchanges, known without a rank to send them.
+struct GridTraffic {
+  std::int64_t n_sent = 0, n_received = 0;
+  std::int64_t bytes_sent = 0, bytes_received = 0;
+  GridTraffic& operator+=(const GridTraffic& other) {
+    n_sent += other.n_sent;
+    n_received += other.n_received;
+    bytes_sent += other.bytes_sent;
+    bytes_received += other.bytes_received;
+    return *this;
+  }
+};
+/// So many of the same.
+inline GridTraffic operator*(std::int64_t n, const GridTraffic& one) {
+  return {n * one.n_sent, n * one.n_received, n * one.bytes_sent, n * one.bytes_received};
+}
 
 /// Cuts that are multiples of `alignment` (a power of two; the ends apart), into at most max_ranks blocks of at least about
 /// `least_cells` cells, as even as that allows, with little surface.

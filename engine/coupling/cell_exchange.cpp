@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <iterator>
 #include <map>
 
 #include "engine/particles/parcel.hpp"
@@ -18,6 +19,38 @@ constexpr bool goes_to_owners[4] = {true, true, false, false};
 constexpr int wrapped(int i, int n) { return i < 0 ? i + n : i >= n ? i - n : i; }
 
 }  // namespace
+
+CellWindow with_room(const CellWindow& needed, const GridShare& share) {
+  CellWindow window = needed;
+  for (std::size_t a = 0; a < 3 && !needed.is_empty(); ++a) {
+    const int beyond = share.periodic[a] && share.n[a] > 1 ? 1 : 0;
+    window.low[a] = std::max(needed.low[a] - 1, -beyond);
+    window.high[a] = std::min(needed.high[a] + 1, share.n[a] + beyond);
+  }
+  return window;
+}
+
+std::vector<GridTraffic> exchange_traffic(const std::vector<CellWindow>& windows, const GridShare& share,
+                                          bool moves_gas) {
+  std::vector<GridTraffic> traffic(windows.size());
+  for (std::size_t rank = 0; rank < windows.size(); ++rank) {
+    const CellWindow& window = windows[rank];
+    std::map<std::size_t, std::int64_t> cells;  // of the window, by owner
+    for (int k = window.low[2]; k < window.high[2]; ++k)
+      for (int j = window.low[1]; j < window.high[1]; ++j)
+        cells[static_cast<std::size_t>(share.owner(wrapped(j, share.n[1]), wrapped(k, share.n[2])))] += window.size(0);
+    for (const auto& [owner, n] : cells) {
+      if (owner == rank || n <= 0) continue;
+      for (std::size_t kind = 0; kind < std::size(widths); ++kind) {
+        if (goes_to_owners[kind] && !moves_gas) continue;
+        const std::int64_t bytes = n * widths[kind] * static_cast<std::int64_t>(sizeof(double));
+        traffic[goes_to_owners[kind] ? rank : owner] += {1, 0, bytes, 0};
+        traffic[goes_to_owners[kind] ? owner : rank] += {0, 1, 0, bytes};
+      }
+    }
+  }
+  return traffic;
+}
 
 CellExchange::CellExchange(World world, GridShare share, int n_threads)
     : world_(std::move(world)), share_(std::move(share)), n_threads_(n_threads), block_(share_.block(world_.rank())) {}
@@ -49,13 +82,7 @@ std::vector<int> CellExchange::owners_of(const CellWindow& window) const {
 }
 
 void CellExchange::open(const CellWindow& needed) {
-  window_ = needed;
-  // a cell more to each side, so that grains that move a little do not ask for another window
-  for (std::size_t a = 0; a < 3 && !needed.is_empty(); ++a) {
-    const int beyond = share_.periodic[a] && share_.n[a] > 1 ? 1 : 0;
-    window_.low[a] = std::max(needed.low[a] - 1, -beyond);
-    window_.high[a] = std::min(needed.high[a] + 1, share_.n[a] + beyond);
-  }
+  window_ = with_room(needed, share_);
   local_ = piece_of(window_, world_.rank(), world_.rank());
   to_owner_.clear();
   from_.clear();

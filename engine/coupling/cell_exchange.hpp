@@ -15,6 +15,13 @@
 
 namespace moraine {
 
+/// Room around the cells that grains touch: one more to each side, so that grains that move a little do not ask for another window.
+CellWindow with_room(const CellWindow& needed, const GridShare& share);
+
+/// What each rank says in the exchanges of a gas step, for the windows of all ranks: two to the owners of cells, if grains move the gas, and two back.
+std::vector<GridTraffic> exchange_traffic(const std::vector<CellWindow>& windows, const GridShare& share,
+                                          bool moves_gas);
+
 class CellExchange {
  public:
   CellExchange(World world, GridShare share, int n_threads);

@@ -31,6 +31,16 @@ double scale_for(double largest, std::int64_t n) {
 
 }  // namespace
 
+GridShare gas_share(const GasGrid& grid, int n_ranks) {
+  return share_out(grid.n, grid.periodic, n_ranks, least_cells, cut_alignment);
+}
+
+// Of what is largest and how many, windows included; of coefficients; of what only the gas knows; of what was given and got.
+int coupling_reductions(const Gas& gas) {
+  if (!gas.drag) return 2;
+  return gas.moves_gas ? 7 : 6;
+}
+
 struct Coupling::Parts {
   Parts(const Scene& scene, const GasGrid& gas_grid, const World& all, int threads);
 
@@ -85,7 +95,7 @@ Coupling::Parts::Parts(const Scene& scene, const GasGrid& gas_grid, const World&
       grid(gas_grid),
       world(all),
       n_threads(threads),
-      blocks(share_out(grid.n, grid.periodic, world.size(), least_cells, cut_alignment)),
+      blocks(gas_share(grid, world.size())),
       block(blocks.block(world.rank())),
       grains(CellWeights(gas.weights, grid.n, grid.low, grid.spacing, grid.periodic), grid.is_flat, threads),
       exchange(world, blocks, threads) {
@@ -145,7 +155,11 @@ CouplingReport Coupling::Parts::advance(Particles& particles, double time, doubl
     set_coefficients(step, report);
     if (gas.moves_gas) load_exchange();
   }
-  if (flow) report.gas = flow->advance(time, step, load);
+  if (flow) {
+    const double start = threads::now();
+    report.gas = flow->advance(time, step, load);
+    report.flow_seconds = threads::now() - start;
+  }
   if (gas.drag) send_feel();
   share(report);
   if (gas.drag) {

@@ -11,8 +11,14 @@
 
 namespace moraine {
 
+/// How the cells of the gas are shared out over the first of so many ranks.
+GridShare gas_share(const GasGrid& grid, int n_ranks);
+/// How often all ranks agree on a sum or a maximum in a gas step, besides those of the gas.
+int coupling_reductions(const Gas& gas);
+
 struct CouplingReport {
   GasReport gas;
+  double flow_seconds = 0.0;         // [s] wall-clock time of this rank for the gas alone
   std::uint64_t n_floored = 0;       // cells that were taken as less dense than they are
   double least_void_fraction = 1.0;  // [-] before the floor
   double momentum_error = 0.0;       // |what the gas lost - what the grains got| over the sum of what each grain got

@@ -130,6 +130,61 @@ void for_rows(const MultigridLevel& level, Team team, Work work) {
 
 }  // namespace
 
+GridCells GridCells::uniform(std::array<int, 3> n, Vec3 spacing) {
+  GridCells cells;
+  cells.spacing = {spacing.x, spacing.y, spacing.z};
+  for (std::size_t a = 0; a < 3; ++a) cells.sizes[a].assign(static_cast<std::size_t>(n[a]), 1.0);
+  return cells;
+}
+
+GridShare share_of_rows(GridShare share) {
+  share.n[0] = SplitRows({share.n[0], 1, 1}).as_grid().size[0];
+  share.periodic[0] = false;
+  return share;
+}
+
+std::vector<LevelPlan> plan_levels(const GridShare& share, const GridCells& cells) {
+  std::vector<LevelPlan> levels{{share, cells, {}, false}};
+  for (;;) {
+    LevelPlan& fine = levels.back();
+    if (levels.size() > 1 && is_too_small(fine.share)) return levels;
+    fine.is_halved = halved_axes(fine.share, fine.cells);
+    if (fine.is_halved == std::array<bool, 3>{}) return levels;
+    fine.has_odd_cut =
+        (fine.is_halved[1] && has_odd(fine.share.cuts_y)) || (fine.is_halved[2] && has_odd(fine.share.cuts_z));
+    levels.push_back({coarse_share(fine.share, fine.is_halved), coarse_cells(fine.cells, fine.is_halved), {}, false});
+  }
+}
+
+GridTraffic weights_traffic(const std::vector<LevelPlan>& levels, int rank) {
+  GridTraffic traffic;
+  for (const LevelPlan& level : levels) traffic += halo_traffic(share_of_rows(level.share), rank, 1, 3, sizeof(float));
+  const GridShare last = share_of_rows(levels.back().share);
+  if (last.n_ranks() > 1) traffic += 3 * to_root_traffic(last, rank, 1, sizeof(float));
+  return traffic;
+}
+
+GridTraffic cycle_traffic(const std::vector<LevelPlan>& levels, int rank) {
+  GridTraffic traffic;
+  const auto halo = [&](std::size_t l) {
+    return halo_traffic(share_of_rows(levels[l].share), rank, 1, 1, sizeof(float));
+  };
+  for (std::size_t l = 0; l < levels.size(); ++l) {
+    const bool has_coarse = l + 1 < levels.size();
+    if (!has_coarse && levels[l].share.n_ranks() > 1) {
+      const GridShare rows = share_of_rows(levels[l].share);
+      traffic += to_root_traffic(rows, rank, 1, sizeof(float));
+      traffic += from_root_traffic(rows, rank, 1, sizeof(float));
+      break;
+    }
+    // After each half sweep but the very last; the correction of the coarse grid; and what lies on two ranks.
+    const bool is_odd = has_coarse && levels[l].has_odd_cut;
+    traffic += (2 * n_half_sweeps - 1 + (has_coarse ? 1 : 0) + (is_odd ? 1 : 0)) * halo(l);
+    if (is_odd) traffic += halo(l + 1);
+  }
+  return traffic;
+}
+
 void MultigridLevel::wrap_plane(float* values, int at) const {
   const int across = 3 - wave_axis, n = rows.n(across);
   if (!share.periodic[static_cast<std::size_t>(across)]) return;
@@ -140,27 +195,13 @@ void MultigridLevel::wrap_plane(float* values, int at) const {
 
 Multigrid::Multigrid(const World& world, const GridShare& share, const GridCells& cells, int n_threads)
     : is_root_(world.is_root()) {
-  add_level(world, share, cells, n_threads);
-  for (;;) {
-    MultigridLevel& fine = levels_.back();
-    if (levels_.size() > 1 && is_too_small(fine.share)) break;
-    fine.is_halved = halved_axes(fine.share, fine.cells);
-    if (fine.is_halved == std::array<bool, 3>{}) break;
-    fine.has_odd_cut =
-        (fine.is_halved[1] && has_odd(fine.share.cuts_y)) || (fine.is_halved[2] && has_odd(fine.share.cuts_z));
-    if (fine.has_odd_cut) allocate(fine.residual, fine.rows.n_values());
-    const GridShare next = coarse_share(fine.share, fine.is_halved);
-    const GridCells next_cells = coarse_cells(fine.cells, fine.is_halved);
-    add_level(world, next, next_cells, n_threads);
-  }
+  for (const LevelPlan& plan : plan_levels(share, cells)) add_level(world, plan, n_threads);
   scratch_.resize(static_cast<std::size_t>(n_threads));
   for (auto& rows : scratch_) allocate(rows, 2 * levels_.front().rows.row());
   const MultigridLevel& last = levels_.back();
   is_gathered_ = last.share.n_ranks() > 1;
   if (!is_gathered_) return;
-  GridShare rows_share = last.share;
-  rows_share.n[0] = last.rows.as_grid().size[0];
-  gather_ = GridGather(world, rows_share, 1, sizeof(float));
+  gather_ = GridGather(world, share_of_rows(last.share), 1, sizeof(float));
   if (!is_root_) return;
   GridShare whole = last.share;
   whole.cuts_y = {0, whole.n[1]};
@@ -168,14 +209,15 @@ Multigrid::Multigrid(const World& world, const GridShare& share, const GridCells
   below_ = std::make_unique<Multigrid>(World(), whole, last.cells, n_threads);
 }
 
-void Multigrid::add_level(const World& world, const GridShare& share, const GridCells& cells, int n_threads) {
+void Multigrid::add_level(const World& world, const LevelPlan& plan, int n_threads) {
   MultigridLevel level;
-  level.share = share;
+  static_cast<LevelPlan&>(level) = plan;
+  const GridShare& share = plan.share;
   level.block = share.block(world.rank());
-  level.cells = cells;
   level.rows = SplitRows({level.block.size(0), level.block.size(1), level.block.size(2)});
   for (auto* values : {&level.weights[0], &level.weights[1], &level.weights[2], &level.inverse, &level.r, &level.z})
     allocate(*values, level.rows.n_values());
+  if (plan.has_odd_cut) allocate(level.residual, level.rows.n_values());
   // The same on all ranks: what ranks wait for should take all equally long.
   const std::int64_t n_cells = std::int64_t{share.n[0]} * share.n[1] * share.n[2] / share.n_ranks();
   level.n_threads = n_cells >= cells_per_thread * n_threads ? n_threads : 1;
@@ -185,9 +227,7 @@ void Multigrid::add_level(const World& world, const GridShare& share, const Grid
   constexpr int n_stages = n_half_sweeps + 1;
   level.wave_axis = wave_axis_of(share, n_stages, n_threads);
   if (level.wave_axis > 0 && !is_thick_enough(level.n_planes(), n_stages, level.n_threads)) level.wave_axis = 0;
-  GridShare rows_share = share;  // rows are moved whole
-  rows_share.n[0] = level.rows.as_grid().size[0];
-  rows_share.periodic[0] = false;
+  const GridShare rows_share = share_of_rows(share);
   level.halo = GridHalo(world, rows_share, 1, 1, sizeof(float));
   level.weights_halo = GridHalo(world, rows_share, 1, 3, sizeof(float));
   levels_.push_back(std::move(level));

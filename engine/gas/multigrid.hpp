@@ -13,6 +13,7 @@
 #include "engine/gas/team.hpp"
 #include "engine/particles/aligned_array.hpp"
 #include "kernels/base/exact_sum.hpp"
+#include "kernels/base/vec3.hpp"
 #include "kernels/gas/pressure.hpp"
 #include "kernels/gas/split_rows.hpp"
 
@@ -22,23 +23,34 @@ namespace moraine {
 struct GridCells {
   std::array<std::vector<double>, 3> sizes;
   std::array<double, 3> spacing{};
+  static GridCells uniform(std::array<int, 3> n, Vec3 spacing);
 };
 
-/// A grid of the hierarchy, as this rank has it: a block, one layer of ghosts.
-struct MultigridLevel {
+/// A grid of the hierarchy, and how it becomes the next coarser one.
+struct LevelPlan {
   GridShare share;
-  CellBlock block;
   GridCells cells;
+  std::array<bool, 3> is_halved{};
+  bool has_odd_cut = false;  // a coarse cell has fine cells of two ranks; it belongs to the one with the first
+};
+/// From the finest grid to the coarsest, or to the first whose blocks are not worth a rank each: that one, and all coarser ones, are the root's alone.
+std::vector<LevelPlan> plan_levels(const GridShare& share, const GridCells& cells);
+/// As the halos of its levels see a grid: rows are moved whole.
+GridShare share_of_rows(GridShare share);
+/// What a rank says to others: as weights are set, and in a cycle.
+GridTraffic weights_traffic(const std::vector<LevelPlan>& levels, int rank);
+GridTraffic cycle_traffic(const std::vector<LevelPlan>& levels, int rank);
+
+/// The same as this rank has it: a block, one layer of ghosts.
+struct MultigridLevel : LevelPlan {
+  CellBlock block;
   SplitRows rows;
   std::array<AlignedArray<float>, 3> weights;  // at low faces
   AlignedArray<float> inverse;                 // of the diagonal
   AlignedArray<float> r, z;                    // right-hand side, solution
   int n_threads = 1;
 
-  // Towards the next coarser grid.
-  std::array<bool, 3> is_halved{};
-  bool has_odd_cut = false;      // a coarse cell has fine cells of two ranks; it belongs to the one with the first
-  AlignedArray<float> residual;  // of all fine cells, in that case
+  AlignedArray<float> residual;  // of all fine cells, where there is an odd cut
 
   bool has_seam = false;  // an odd number of cells around: neighbours across it have the same colour
   bool has_halo = false;
@@ -72,7 +84,7 @@ class Multigrid {
   void cycle(Team team, ExactSum& product);
 
  private:
-  void add_level(const World& world, const GridShare& share, const GridCells& cells, int n_threads);
+  void add_level(const World& world, const LevelPlan& plan, int n_threads);
   void fill_ghosts(std::size_t l, Team team);
   void coarsen_weights(std::size_t l, Team team);
   void cycle(std::size_t l, Team team, ExactSum* product);

@@ -18,13 +18,6 @@ namespace moraine {
 
 namespace {
 
-GridCells cells_of(const GasGrid& grid) {
-  GridCells cells;
-  cells.spacing = {grid.spacing.x, grid.spacing.y, grid.spacing.z};
-  for (std::size_t a = 0; a < 3; ++a) cells.sizes[a].assign(static_cast<std::size_t>(grid.n[a]), 1.0);
-  return cells;
-}
-
 /// The power of two that brings `size` to between 1 and 2; 1 where it cannot.
 double scale_to_one(double size) {
   return size > 0.0 && std::isfinite(size) ? std::ldexp(1.0, -std::clamp(std::ilogb(size), -1000, 1000)) : 1.0;
@@ -99,15 +92,13 @@ PressureSolver::Parts::Parts(const GasGrid& grid, const GasRanks& gas_ranks)
       block(gas_ranks.block()),
       inverse_square{1.0 / (grid.spacing.x * grid.spacing.x), 1.0 / (grid.spacing.y * grid.spacing.y),
                      1.0 / (grid.spacing.z * grid.spacing.z)},
-      multigrid(gas_ranks.world, gas_ranks.share, cells_of(grid), gas_ranks.n_threads),
+      multigrid(gas_ranks.world, gas_ranks.share, GridCells::uniform(grid.n, grid.spacing), gas_ranks.n_threads),
       rows(multigrid.finest().rows),
       partials(static_cast<std::size_t>(n_threads())) {
   for (auto& w : weights) allocate(w, rows.n_values());
   for (auto* values : {&x, &r, &q}) allocate(*values, rows.n_values());
   allocate(d, rows.n_values());
-  GridShare rows_share = ranks.share;  // rows are moved whole
-  rows_share.n[0] = rows.as_grid().size[0];
-  rows_share.periodic[0] = false;
+  const GridShare rows_share = share_of_rows(ranks.share);
   weights_halo = GridHalo(ranks.world, rows_share, 1, 3, sizeof(double));
   doubles_halo = GridHalo(ranks.world, rows_share, 1, 1, sizeof(double));
   floats_halo = GridHalo(ranks.world, rows_share, 1, 1, sizeof(float));

@@ -118,10 +118,15 @@ Subdomains Projection::cut(int n_parts) const {
   return decompose(World(), n_parts, positions_, {}, scene_, largest_radius_, widest_skin_);
 }
 
-std::vector<RankCounts> Projection::count(int n_parts) const {
-  const Subdomains parts = cut(n_parts);
+std::vector<std::int32_t> Projection::owners_in(const Subdomains& parts) const {
   std::vector<std::int32_t> owners(positions_.size());
   for (std::size_t i = 0; i < owners.size(); ++i) owners[i] = parts.owner(positions_[i]);
+  return owners;
+}
+
+std::vector<RankCounts> Projection::count(int n_parts) const {
+  const Subdomains parts = cut(n_parts);
+  const std::vector<std::int32_t> owners = owners_in(parts);
   std::vector<RankCounts> ranks(at(n_parts));
   count_pairs(owners, ranks);
   count_ghosts(parts, owners, ranks);
@@ -243,9 +248,12 @@ std::vector<GrainSeed> block_of(const Scene& scene, std::span<const GrainSeed> g
   return block;
 }
 
-/// The scene with these grains instead of its own, and with the same time step.
+/// The scene with these grains instead of its own, and with the same time step; without its gas, whose cells do not grow with the grains
+/// (gas_projection.hpp has them), and without what looks at it.
 Scene scene_with(const Scene& scene, const std::vector<GrainSeed>& grains) {
   Scene block = without_lists(scene);
+  block.gas.reset();
+  block.output.probes.clear();
   block.time.step = choose_time_step(scene).step;
   ParticleGroup group;
   group.fill = ListedGrains{"", grains, true, true, true};

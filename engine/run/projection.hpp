@@ -42,6 +42,9 @@ class Projection {
 
   /// The ranks of a run on so many. Cuts and ghosts are by the functions that the run itself uses.
   std::vector<RankCounts> count(int n_parts) const;
+  /// The rank of each grain, as they are dealt out then.
+  std::vector<std::int32_t> owners(int n_parts) const { return owners_in(cut(n_parts)); }
+  std::span<const Vec3> positions() const { return positions_; }  // [m]
 
   std::int64_t n_grains() const { return static_cast<std::int64_t>(positions_.size()); }
   double skin() const { return skin_; }  // [m] at the start of a run
@@ -59,6 +62,7 @@ class Projection {
   };
   void find_pairs(std::span<const GrainSeed> grains);
   Subdomains cut(int n_parts) const;
+  std::vector<std::int32_t> owners_in(const Subdomains& parts) const;
   void count_pairs(std::span<const std::int32_t> owners, std::vector<RankCounts>& ranks) const;
   void count_ghosts(const Subdomains& parts, std::span<const std::int32_t> owners,
                     std::vector<RankCounts>& ranks) const;

@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "engine/particles/fill.hpp"
+#include "engine/run/gas_projection.hpp"
 #include "engine/run/projection.hpp"
 #include "io/checkpoint/durable_file.hpp"
 #include "io/cli/layout.hpp"
@@ -77,6 +78,8 @@ struct Case {
   int n_parts = 0;  // that were cut, and stand for the ranks
   std::vector<RankCounts> ranks;
   Prediction prediction;
+  std::optional<GasLayout> gas;
+  GasPrediction gas_prediction;
 };
 
 std::string title(const Case& c, double n_wanted, std::int64_t n_grains) {
@@ -120,6 +123,34 @@ std::string summary_text(const std::vector<Case>& cases) {
   return text;
 }
 
+/// The gas steps, where the cases have them.
+std::string gas_summary_text(const std::vector<Case>& cases) {
+  if (cases.empty() || !cases.front().gas) return "";
+  std::string text =
+      fmt::format("\na gas step and the {} grain steps to the next\n", cases.front().gas_prediction.grain_steps);
+  text += fmt::format("{:>10} {:>10} {:>13} {:>12} {:>10} {:>10} {:>11} {:>10} {:>10} {:>11}\n", "ranks", "with cells",
+                      "cells of each", "grain steps", "drag", "cells", "first rank", "messages", "all", "efficiency");
+  for (const Case& c : cases) {
+    const GasPrediction& p = c.gas_prediction;
+    std::int64_t most = 0;
+    for (const GasRank& rank : c.gas->ranks) most = std::max(most, rank.n_cells);
+    text += fmt::format("{:>10} {:>10} {:>13} {:>12} {:>10} {:>10} {:>11} {:>10} {:>10} {:>11}\n", c.n_ranks,
+                        c.gas->n_gas_ranks, count_text(static_cast<std::uint64_t>(most)),
+                        seconds_text(p.grain_steps * c.prediction.step), seconds_text(p.grains), seconds_text(p.cells),
+                        seconds_text(p.root), seconds_text(p.messages), seconds_text(p.whole),
+                        fmt::format("{:.1f} %", 100.0 * p.efficiency));
+  }
+  return text;
+}
+
+std::string gas_assumptions_text() {
+  return "  - the gas: iterations and parts as measured here, from when the inlets have reached their speed; at least "
+         "some 8000 "
+         "cells a rank, and coarse grids by the\n    first rank alone; messages are not hidden; a reduction takes two "
+         "latencies for each doubling of "
+         "the ranks; windows as grains lie at\n    the start; smoothing is not counted\n";
+}
+
 std::string assumptions_text(const ProjectRequest& request, std::int64_t bytes_per_ghost) {
   std::string text = "\nassumptions\n";
   const auto say = [&](const std::string& line) { text += "  - " + line + "\n"; };
@@ -150,7 +181,11 @@ std::string assumptions_text(const ProjectRequest& request, std::int64_t bytes_p
 std::string csv_text(const std::vector<Case>& cases, const Rates& rates) {
   std::string text = "ranks,parts";
   for (const Quantity& quantity : quantities(rates)) text += fmt::format(",{0}_mean,{0}_largest", quantity.column);
-  text += ",imbalance,step [s],one_rank_step [s],efficiency,work_share,message_share,waiting_share\n";
+  text += ",imbalance,step [s],one_rank_step [s],efficiency,work_share,message_share,waiting_share";
+  const bool has_gas = !cases.empty() && cases.front().gas;
+  if (has_gas)
+    text += ",gas_ranks,gas_drag [s],gas_cells [s],gas_root [s],gas_messages [s],with_gas [s],with_gas_efficiency";
+  text += '\n';
   for (const Case& c : cases) {
     text += fmt::format("{},{}", c.n_ranks, c.n_parts);
     for (const Quantity& quantity : quantities(rates)) {
@@ -158,8 +193,14 @@ std::string csv_text(const std::vector<Case>& cases, const Rates& rates) {
       text += fmt::format(",{},{}", spread.mean, spread.largest);
     }
     const Prediction& p = c.prediction;
-    text += fmt::format(",{},{},{},{},{},{},{}\n", p.imbalance, p.step, p.one_rank, p.efficiency, p.work, p.messages,
+    text += fmt::format(",{},{},{},{},{},{},{}", p.imbalance, p.step, p.one_rank, p.efficiency, p.work, p.messages,
                         p.waiting);
+    if (has_gas) {
+      const GasPrediction& g = c.gas_prediction;
+      text += fmt::format(",{},{},{},{},{},{},{}", c.gas->n_gas_ranks, g.grains, g.cells, g.root, g.messages, g.whole,
+                          g.efficiency);
+    }
+    text += '\n';
   }
   return text;
 }
@@ -200,7 +241,7 @@ std::string project_text(const ProjectRequest& request) {
     throw UsageError(fmt::format("--grains {:g}: fewer than the scene has ({})", *request.grains,
                                  count_text(static_cast<std::uint64_t>(n_grains))));
   std::vector<Case> cases;
-  for (const int n : request.ranks) cases.push_back({n, parts_for(n, request.grains, n_grains), {}, {}});
+  for (const int n : request.ranks) cases.push_back({n, parts_for(n, request.grains, n_grains), {}, {}, {}, {}});
   const Projection projection(scene, grains, n_cores);
   const Rates rates = measure_rates(scene, grains, request.threads);
 
@@ -216,13 +257,27 @@ std::string project_text(const ProjectRequest& request) {
                               seconds_text(4.0 * rates.unit), seconds_text(rates.fixed), 1e-9 / rates.copy));
   text += row("network", fmt::format("{}: latency {}, {:.3g} GB/s", network.name, seconds_text(network.latency),
                                      1e-9 * network.bandwidth));
+  const bool has_gas = scene.gas && !request.grains;  // a larger bed has a gas of its own, which nobody has described
+  const GasRates gas_rates = has_gas ? measure_gas_rates(scene, grains, request.threads) : GasRates{};
+  if (has_gas)
+    text += row("gas", fmt::format("{}: {} a cell, {} a grain, {} a cell of coarse grids and iteration; {:.3g} "
+                                   "iterations in {:.3g} parts",
+                                   counted(static_cast<std::uint64_t>(gas_rates.n_steps), "step"),
+                                   seconds_text(gas_rates.cell), seconds_text(gas_rates.grain),
+                                   seconds_text(gas_rates.root_cell), gas_rates.n_iterations, gas_rates.n_parts));
   const double one_rank_work = work_of(projection.count(1)[0]);
   for (Case& c : cases) {
     c.ranks = projection.count(c.n_parts);
     c.prediction = predict(c.ranks, one_rank_work, projection.bytes_per_ghost(), rates, network);
+    if (has_gas) {
+      c.gas = lay_out_gas(scene, projection.positions(), projection.owners(c.n_ranks), c.n_ranks);
+      c.gas_prediction = predict_gas(scene, *c.gas, gas_rates, rates, network, c.prediction);
+    }
     text += case_text(c, title(c, request.grains.value_or(0.0), n_grains), rates);
   }
-  text += summary_text(cases) + assumptions_text(request, projection.bytes_per_ghost());
+  text += summary_text(cases) + gas_summary_text(cases) + assumptions_text(request, projection.bytes_per_ghost());
+  if (has_gas) text += gas_assumptions_text();
+  if (scene.gas && !has_gas) text += "  - the gas is left out: how it grows with --grains is not known\n";
   if (request.csv) write_file(*request.csv, csv_text(cases, rates));
   return text;
 }

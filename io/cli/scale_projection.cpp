@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "engine/particles/fill.hpp"
+#include "engine/run/gas_projection.hpp"
 #include "io/cli/layout.hpp"
 #include "io/cli/text.hpp"
 
@@ -16,7 +17,9 @@ std::vector<ProjectedResult> project_scaling(const SceneOnCores& scene_on, const
                                              const Network& network, std::vector<std::string>& remarks) {
   const int n_cores = available_cores();
   const Scene first = scene_on(1);
-  const Rates rates = measure_rates(first, make_grains(first, n_cores), 1);
+  const std::vector<GrainSeed> first_grains = make_grains(first, n_cores);
+  const Rates rates = measure_rates(first, first_grains, 1);
+  const GasRates gas_rates = first.gas ? measure_gas_rates(first, first_grains, 1) : GasRates{};
   std::vector<ProjectedResult> results;
   for (const int n : ranks) {
     const Scene scene = scene_on(n);
@@ -29,7 +32,16 @@ std::vector<ProjectedResult> project_scaling(const SceneOnCores& scene_on, const
     const std::vector<GrainSeed> grains = make_grains(scene, n_cores);
     const Projection projection(scene, grains, n_cores);
     const double one_rank_work = work_of(projection.count(1)[0]);
-    const Prediction p = predict(projection.count(n), one_rank_work, projection.bytes_per_ghost(), rates, network);
+    Prediction p = predict(projection.count(n), one_rank_work, projection.bytes_per_ghost(), rates, network);
+    if (scene.gas) {
+      const GasLayout layout = lay_out_gas(scene, projection.positions(), projection.owners(n), n);
+      const GasPrediction gas = predict_gas(scene, layout, gas_rates, rates, network, p);
+      const double grain_share = gas.grain_steps * p.step / gas.whole;
+      p.messages = p.messages * grain_share + gas.messages / gas.whole;
+      p.waiting *= grain_share;
+      p.step = gas.whole / gas.grain_steps;
+      p.efficiency = gas.efficiency;
+    }
     results.push_back(
         {n, projection.n_grains(), p.step, p.efficiency * n, p.efficiency, p.imbalance, p.messages, p.waiting});
   }

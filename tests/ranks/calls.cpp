@@ -5,6 +5,9 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 
+#include "engine/coupling/coupling.hpp"
+#include "engine/particles/fill.hpp"
+#include "engine/run/gas_projection.hpp"
 #include "engine/run/simulation.hpp"
 #include "tests/ranks/ranks.hpp"
 #include "tests/support/flow_scenes.hpp"
@@ -122,5 +125,59 @@ TEST_CASE(
     CHECK(n_plain > 2 * (n_looks + n_rebuilds));
     CHECK(n_looks + n_rebuilds > 0);
     CHECK((n_gas > 0) == scene.gas.has_value());
+  }
+}
+
+TEST_CASE("a gas step sends the messages, and makes the reductions, that a projection counts") {
+  const World& all = ranks::world();
+  enum class Kind { bed, beside_itself, closed };
+  for (const Kind kind : {Kind::bed, Kind::beside_itself, Kind::closed}) {
+    INFO(static_cast<int>(kind));
+    Scene scene = scenes::fluidised_bed();
+    scene.gas->cells = {24, 24, 96};
+    if (kind == Kind::beside_itself) {
+      scene.domain.periodic = {false, true, false};
+      scene.gas->cells = {20, 44, 72};
+    }
+    if (kind == Kind::closed) {  // no outlet: the pressure is free by a constant
+      scene.domain.periodic = {true, true, true};
+      scene.gas->cells = {24, 36, 48};
+      scene.gas->boundaries.clear();
+    }
+    const std::vector<GrainSeed> grains = make_grains(scene, 1);
+    std::vector<GrainSeed> own;
+    std::vector<Vec3> positions;
+    std::vector<std::int32_t> owners;
+    for (const GrainSeed& grain : grains) {  // in layers from left to right, while the gas is cut otherwise
+      positions.push_back(grain.position);
+      owners.push_back(std::min(static_cast<int>(grain.position.x / scene.domain.high.x * all.size()), all.size() - 1));
+      if (owners.back() == all.rank()) own.push_back(grain);
+    }
+    FieldNeeds needs;
+    needs.gas = true;
+    Particles particles(needs);
+    put_grains(scene, own, particles);
+    const GasLayout layout = lay_out_gas(scene, positions, owners, all.size());
+    REQUIRE(layout.n_gas_ranks == all.size());
+    CHECK(layout.cells_of_root > 0);
+    const GasRank& rank = layout.ranks[static_cast<std::size_t>(all.rank())];
+    constexpr double step = 1e-3;
+    Coupling coupling(scene, gas_grid(scene.domain, *scene.gas), all, 1);
+    coupling.advance(particles, 0.0, step);  // opens windows, starts the gas
+    for (int i = 1; i < 4; ++i) {
+      calls = {};
+      const CouplingReport report = coupling.advance(particles, i * step, step);
+      const auto of_gas = [&](auto count) {
+        return count(rank.flow.step) + report.gas.n_parts * count(rank.flow.part) +
+               report.gas.iterations * count(rank.flow.iteration);
+      };
+      const auto both_ways = [](const GridTraffic& traffic) { return traffic.n_sent + traffic.n_received; };
+      // Requests of both directions are started together.
+      REQUIRE(calls.messages ==
+              both_ways(rank.exchange) + of_gas([&](const Talk& talk) { return both_ways(talk.messages); }));
+      REQUIRE(calls.collectives == layout.n_reductions + of_gas([](const Talk& talk) { return talk.n_reductions; }));
+      REQUIRE(calls.others == 0);
+      CHECK(report.gas.iterations > 0);
+    }
   }
 }

@@ -1,4 +1,7 @@
 // A run on many ranks, foretold: the counts are those of brute force, and the predicted time follows from them.
+#include "engine/particles/fill.hpp"
+#include "engine/run/gas_projection.hpp"
+#include "engine/run/plan.hpp"
 #include "engine/run/projection.hpp"
 
 #include <algorithm>
@@ -212,6 +215,63 @@ TEST_CASE("messages cost what interior work does not hide, and packing always") 
   CHECK(slow.step == Approx(1e-6 + 80e-6 + packing + 32e-6));
   CHECK(slow.messages == Approx((packing + 32e-6) / slow.step));
   CHECK(slow.work + slow.messages + slow.waiting + rates.fixed / slow.step == Approx(1.0));
+}
+
+TEST_CASE("a gas step waits for the rank with most grains, for that with most cells, for the first, and for messages") {
+  Scene scene = scenes::fluidised_bed();
+  GasLayout layout;
+  layout.n_gas_ranks = 2;
+  layout.cells_of_root = 100;
+  layout.n_reductions = 7;
+  layout.ranks.resize(4);
+  for (GasRank& rank : layout.ranks) rank.n_grains = 1000;
+  layout.ranks[3].n_grains = 2000;
+  layout.ranks[0].n_cells = 5000;
+  layout.ranks[1].n_cells = 7000;
+  layout.ranks[1].flow.step = {{2, 2, 3000, 1000}, 1};
+  layout.ranks[1].flow.part = {{1, 1, 0, 0}, 2};
+  layout.ranks[1].flow.iteration = {{10, 10, 0, 0}, 3};
+  const GasRates rates{1e-7, 1e-8, 1e-9, 2.0, 5.0, 1};
+  Prediction steps;
+  steps.step = 1e-4;
+  steps.one_rank = 3.5e-4;
+  const Network network{"any", 1e-6, 1e9};
+  const GasPrediction p = predict_gas(scene, layout, rates, {}, network, steps);
+  CHECK(p.grain_steps == static_cast<int>(make_plan(scene, 1).gas_steps));
+  CHECK(p.grains == Approx(2000 * 1e-8));
+  CHECK(p.cells == Approx(7000 * 1e-7));
+  CHECK(p.root == Approx(5 * 100 * 1e-9));
+  // 2 + 2 + 50 messages and 3 us for 3000 bytes; 1 + 4 + 15 reductions of two ranks and 7 of four.
+  CHECK(p.messages == Approx(54e-6 + 3e-6 + 20 * 2e-6 + 7 * 4e-6));
+  CHECK(p.whole == Approx(p.grain_steps * 1e-4 + p.grains + p.cells + p.root + p.messages));
+  CHECK(p.one_rank == Approx(p.grain_steps * 3.5e-4 + 5000 * 1e-8 + 12000 * 1e-7));
+  CHECK(p.efficiency == Approx(p.one_rank / (4.0 * p.whole)));
+}
+
+TEST_CASE("a gas lies on as many ranks as its cells are worth, and its rates are measured without moving grains") {
+  Scene scene = scenes::fluidised_bed();
+  const std::vector<GrainSeed> grains = make_grains(scene, 1);
+  std::vector<Vec3> positions;
+  for (const GrainSeed& grain : grains) positions.push_back(grain.position);
+  const std::vector<std::int32_t> owners(grains.size(), 0);
+  CHECK(lay_out_gas(scene, positions, owners, 4).n_gas_ranks == 1);
+  scene.gas->cells = {48, 24, 96};  // nearly cubes: halved along all axes
+  const GasLayout layout = lay_out_gas(scene, positions, owners, 4);
+  CHECK(layout.n_gas_ranks == 4);
+  std::int64_t n_cells = 0;
+  for (const GasRank& rank : layout.ranks) n_cells += rank.n_cells;
+  CHECK(n_cells == 48 * 24 * 96);
+  CHECK(layout.ranks[0].n_grains == static_cast<std::int64_t>(grains.size()));
+  CHECK(layout.ranks[0].exchange.n_sent > 0);
+  CHECK(layout.ranks[3].exchange.n_received <= layout.ranks[0].exchange.n_sent);
+  // 24 x 12 x 48 cells and coarser ones are the first rank's alone.
+  CHECK(layout.cells_of_root == 24 * 12 * 48 + 12 * 6 * 24 + 6 * 3 * 12 + 3 * 2 * 6 + 2 * 1 * 3 + 1 * 1 * 2 + 1);
+  const GasRates rates = measure_gas_rates(scene, grains, 1, 0.02);
+  CHECK(rates.n_steps >= 3);
+  CHECK(rates.n_parts >= 1.0);
+  CHECK(rates.cell > 0.0);
+  CHECK(rates.grain > 0.0);
+  CHECK(rates.root_cell > 0.0);
 }
 
 TEST_CASE("rates are measured on a part of a large scene and on all of a small one") {
