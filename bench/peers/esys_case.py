@@ -48,11 +48,10 @@ sim.createInteractionGroup(RotFrictionPrms(name="friction", normalK=2400.0, dyna
 if case == "bed":
     sim.createInteractionGroup(GravityPrms(name="gravity", acceleration=Vec3(0, 0, -9.81)))
 
-for loop, n in enumerate([warm_up] + 3 * [steps]):
+for n in (warm_up, steps, steps, steps):
     start = time.time()
     for _ in range(n):
         sim.runTimeStep()
-    if loop > 0:
-        print("Loop time of %.6f on %s for %d steps with %d atoms" % (time.time() - start, workers, n, len(rows)))
-        sys.stdout.flush()
+    print("Loop time of %.6f on %s for %d steps with %d atoms" % (time.time() - start, workers, n, len(rows)))
+    sys.stdout.flush()
 sim.exit()
