@@ -18,6 +18,9 @@ struct GridShare {
   int parts_z() const { return static_cast<int>(cuts_z.size()) - 1; }
   /// The first ranks have a block each, later ones none.
   int n_ranks() const { return parts_y() * parts_z(); }
+  std::int64_t n_cells() const { return std::int64_t{n[0]} * n[1] * n[2]; }  // of the whole grid
+  /// The same grid on one rank.
+  GridShare undivided() const { return {n, periodic, {0, n[1]}, {0, n[2]}}; }
   int rank_of(int part_y, int part_z) const { return part_y + parts_y() * part_z; }
   /// The cells of a rank; empty where it has none.
   CellBlock block(int rank) const;

@@ -38,13 +38,7 @@ GasTraffic gas_traffic(const Gas& gas, const GasGrid& grid, const GridShare& sha
 std::int64_t cells_of_root(const GasGrid& grid, const GridShare& share) {
   if (share.n_ranks() == 1) return 0;
   const LevelPlan last = plan_levels(share, GridCells::uniform(grid.n, grid.spacing)).back();
-  GridShare whole = last.share;
-  whole.cuts_y = {0, whole.n[1]};
-  whole.cuts_z = {0, whole.n[2]};
-  std::int64_t n_cells = 0;
-  for (const LevelPlan& level : plan_levels(whole, last.cells))
-    n_cells += std::int64_t{level.share.n[0]} * level.share.n[1] * level.share.n[2];
-  return n_cells;
+  return cells_of_all(plan_levels(last.share.undivided(), last.cells));
 }
 
 }  // namespace moraine

@@ -63,8 +63,7 @@ int thinnest(const std::vector<int>& cuts) {
 /// Whether the blocks of a level are too small to be worth a rank each, or to be halved once more.
 bool is_too_small(const GridShare& share) {
   if (share.n_ranks() == 1) return false;
-  const std::int64_t n_cells = std::int64_t{share.n[0]} * share.n[1] * share.n[2];
-  return n_cells / share.n_ranks() < cells_per_rank || (share.parts_y() > 1 && thinnest(share.cuts_y) < 2) ||
+  return share.n_cells() / share.n_ranks() < cells_per_rank || (share.parts_y() > 1 && thinnest(share.cuts_y) < 2) ||
          (share.parts_z() > 1 && thinnest(share.cuts_z) < 2);
 }
 
@@ -156,6 +155,12 @@ std::vector<LevelPlan> plan_levels(const GridShare& share, const GridCells& cell
   }
 }
 
+std::int64_t cells_of_all(const std::vector<LevelPlan>& levels) {
+  std::int64_t n_cells = 0;
+  for (const LevelPlan& level : levels) n_cells += level.share.n_cells();
+  return n_cells;
+}
+
 GridTraffic weights_traffic(const std::vector<LevelPlan>& levels, int rank) {
   GridTraffic traffic;
   for (const LevelPlan& level : levels) traffic += halo_traffic(share_of_rows(level.share), rank, 1, 3, sizeof(float));
@@ -203,10 +208,7 @@ Multigrid::Multigrid(const World& world, const GridShare& share, const GridCells
   if (!is_gathered_) return;
   gather_ = GridGather(world, share_of_rows(last.share), 1, sizeof(float));
   if (!is_root_) return;
-  GridShare whole = last.share;
-  whole.cuts_y = {0, whole.n[1]};
-  whole.cuts_z = {0, whole.n[2]};
-  below_ = std::make_unique<Multigrid>(World(), whole, last.cells, n_threads);
+  below_ = std::make_unique<Multigrid>(World(), last.share.undivided(), last.cells, n_threads);
 }
 
 void Multigrid::add_level(const World& world, const LevelPlan& plan, int n_threads) {
@@ -219,7 +221,7 @@ void Multigrid::add_level(const World& world, const LevelPlan& plan, int n_threa
     allocate(*values, level.rows.n_values());
   if (plan.has_odd_cut) allocate(level.residual, level.rows.n_values());
   // The same on all ranks: what ranks wait for should take all equally long.
-  const std::int64_t n_cells = std::int64_t{share.n[0]} * share.n[1] * share.n[2] / share.n_ranks();
+  const std::int64_t n_cells = share.n_cells() / share.n_ranks();
   level.n_threads = n_cells >= cells_per_thread * n_threads ? n_threads : 1;
   for (std::size_t a = 0; a < 3; ++a)
     level.has_seam = level.has_seam || (share.periodic[a] && share.n[a] % 2 == 1 && share.n[a] > 1);

@@ -35,6 +35,7 @@ struct LevelPlan {
 };
 /// From the finest grid to the coarsest, or to the first whose blocks are not worth a rank each: that one, and all coarser ones, are the root's alone.
 std::vector<LevelPlan> plan_levels(const GridShare& share, const GridCells& cells);
+std::int64_t cells_of_all(const std::vector<LevelPlan>& levels);
 /// As the halos of its levels see a grid: rows are moved whole.
 GridShare share_of_rows(GridShare share);
 /// What a rank says to others: as weights are set, and in a cycle.

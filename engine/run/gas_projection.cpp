@@ -34,9 +34,7 @@ double measure_cycle(const GasGrid& grid, int n_threads, double seconds) {
   const GridCells cells = GridCells::uniform(n, grid.spacing);
   Multigrid multigrid(World(), share, cells, n_threads);
   for (auto& weights : multigrid.finest().weights) std::fill(weights.begin(), weights.end(), 1.0F);
-  double n_cells = 0.0;
-  for (const LevelPlan& level : plan_levels(share, cells))
-    n_cells += static_cast<double>(std::int64_t{level.share.n[0]} * level.share.n[1] * level.share.n[2]);
+  const auto n_cells = static_cast<double>(cells_of_all(plan_levels(share, cells)));
   const int team = multigrid.finest().n_threads;
   parallel(team, [&](int thread) { multigrid.set({thread, team}); });
   int n_cycles = 0;
@@ -120,7 +118,7 @@ GasRates measure_gas_rates(const Scene& scene, std::span<const GrainSeed> grains
     ++rates.n_steps;
   } while (rates.n_steps < 3 || threads::now() - start < seconds);
   const auto n_steps = static_cast<double>(rates.n_steps);
-  const double n_cells = static_cast<double>(std::int64_t{grid.n[0]} * grid.n[1] * grid.n[2]);
+  const auto n_cells = static_cast<double>(coupling.share().n_cells());
   rates.cell = flow / (n_steps * n_cells);
   rates.grain = (threads::now() - start - flow) / (n_steps * std::max<double>(1.0, static_cast<double>(grains.size())));
   rates.n_parts /= n_steps;

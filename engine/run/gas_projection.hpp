@@ -26,7 +26,7 @@ struct GasLayout {
   int n_reductions = 0;            // of a gas step, over all ranks
   std::vector<GasRank> ranks;
 };
-/// `owners`: the rank of each grain. The scene has a gas. Throws SceneError where it cannot be run.
+/// `owners`: the rank of each grain. The scene has a gas.
 GasLayout lay_out_gas(const Scene& scene, std::span<const Vec3> positions, std::span<const std::int32_t> owners,
                       int n_ranks);
 
@@ -38,7 +38,8 @@ struct GasRates {
   double n_parts = 0.0, n_iterations = 0.0;  // of a gas step, means
   std::int64_t n_steps = 0;                  // that were timed
 };
-/// Advances the gas through the grains as they lie, from when its inlets have reached their full speed, for about `seconds`.
+/// Advances the gas through the grains as they lie, from when its inlets have reached their full speed, for about `seconds`. Throws
+/// SceneError where its boundaries cannot be, GasError where it cannot go on.
 GasRates measure_gas_rates(const Scene& scene, std::span<const GrainSeed> grains, int n_threads, double seconds = 2.0);
 
 /// A gas step, and the grain steps until the next, of the slowest rank [s].

@@ -114,22 +114,16 @@ std::int64_t Projection::bytes_per_ghost() const {
   return n_doubles * static_cast<std::int64_t>(sizeof(double));
 }
 
-Subdomains Projection::cut(int n_parts) const {
-  return decompose(World(), n_parts, positions_, {}, scene_, largest_radius_, widest_skin_);
+Projection::Division Projection::divide(int n_parts) const {
+  Division division{decompose(World(), n_parts, positions_, {}, scene_, largest_radius_, widest_skin_), {}};
+  for (const Vec3& position : positions_) division.owners.push_back(division.parts.owner(position));
+  return division;
 }
 
-std::vector<std::int32_t> Projection::owners_in(const Subdomains& parts) const {
-  std::vector<std::int32_t> owners(positions_.size());
-  for (std::size_t i = 0; i < owners.size(); ++i) owners[i] = parts.owner(positions_[i]);
-  return owners;
-}
-
-std::vector<RankCounts> Projection::count(int n_parts) const {
-  const Subdomains parts = cut(n_parts);
-  const std::vector<std::int32_t> owners = owners_in(parts);
-  std::vector<RankCounts> ranks(at(n_parts));
-  count_pairs(owners, ranks);
-  count_ghosts(parts, owners, ranks);
+std::vector<RankCounts> Projection::count(const Division& division) const {
+  std::vector<RankCounts> ranks(at(division.parts.size()));
+  count_pairs(division.owners, ranks);
+  count_ghosts(division.parts, division.owners, ranks);
   return ranks;
 }
 

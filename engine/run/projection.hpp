@@ -40,10 +40,15 @@ class Projection {
   /// Finds the pairs of these grains. Throws SceneError where the scene cannot be run.
   Projection(const Scene& scene, std::span<const GrainSeed> grains, int n_threads);
 
+  /// Space shared out over so many ranks, and the rank of each grain.
+  struct Division {
+    Subdomains parts;
+    std::vector<std::int32_t> owners;
+  };
+  Division divide(int n_parts) const;
   /// The ranks of a run on so many. Cuts and ghosts are by the functions that the run itself uses.
-  std::vector<RankCounts> count(int n_parts) const;
-  /// The rank of each grain, as they are dealt out then.
-  std::vector<std::int32_t> owners(int n_parts) const { return owners_in(cut(n_parts)); }
+  std::vector<RankCounts> count(const Division& division) const;
+  std::vector<RankCounts> count(int n_parts) const { return count(divide(n_parts)); }
   std::span<const Vec3> positions() const { return positions_; }  // [m]
 
   std::int64_t n_grains() const { return static_cast<std::int64_t>(positions_.size()); }
@@ -61,8 +66,6 @@ class Projection {
     std::int64_t n;
   };
   void find_pairs(std::span<const GrainSeed> grains);
-  Subdomains cut(int n_parts) const;
-  std::vector<std::int32_t> owners_in(const Subdomains& parts) const;
   void count_pairs(std::span<const std::int32_t> owners, std::vector<RankCounts>& ranks) const;
   void count_ghosts(const Subdomains& parts, std::span<const std::int32_t> owners,
                     std::vector<RankCounts>& ranks) const;

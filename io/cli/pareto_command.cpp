@@ -140,7 +140,7 @@ class ParetoSweep {
         std::find_if(all.begin(), all.end(), [](const ParetoResult& r) { return r.setting.kind == ParetoKind::scene; });
     for (ParetoResult& result : all)
       if (result.is_good() && scene->is_good() && result.setting.kind == ParetoKind::skin &&
-          std::equal(result.hashes.begin(), result.hashes.end(), scene->hashes.begin()))
+          is_same_state(result, *scene))
         result.errors = scene->errors;
     return all;
   }

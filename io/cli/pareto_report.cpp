@@ -62,15 +62,14 @@ std::string legend(const ParetoResults& results) {
         "deviation over time\nwhere that is larger), the largest of the statistics; +- is a 95 % confidence interval "
         "from runs with other seeds.\n",
         results.from);
-  if (results.repeats > 1)
-    text +=
-        "front: all that may be as fast are less accurate; front?: may be on it, as intervals of errors or times "
-        "overlap; no "
-        "mark: another is\nknown to be at least as fast and as accurate.\n";
-  if (results.measure == ParetoMeasure::paths)
+  else
     text +=
         "Errors are root mean squares over all grains and the run: distance from the reference's paths in mean "
         "diameters, or difference\nof a probe's rows over their size; the largest of them.\n";
+  if (results.repeats > 1)
+    text +=
+        "front: all that may be as fast are less accurate; front?: may be on it, as intervals of errors or times "
+        "overlap; no mark: another is\nknown to be at least as fast and as accurate.\n";
   return text;
 }
 

@@ -187,13 +187,6 @@ Comparison compare_times(const ParetoResult& one, const ParetoResult& other) {
   return half_width ? Comparison::unknown : Comparison::same;
 }
 
-/// Runs that end in the same states have the same errors, whatever their intervals.
-bool is_same_state(const ParetoResult& one, const ParetoResult& other) {
-  const std::size_t n = std::min(one.hashes.size(), other.hashes.size());
-  return n > 0 &&
-         std::equal(one.hashes.begin(), one.hashes.begin() + static_cast<std::ptrdiff_t>(n), other.hashes.begin());
-}
-
 Comparison compare_errors(const ParetoResult& one, const ParetoResult& other) {
   if (is_same_state(one, other)) return Comparison::same;
   if (one.worst().bound() < other.least_error()) return Comparison::better;
@@ -274,6 +267,12 @@ void recommend(ParetoResults& results) {
 const char* word_for(ParetoStanding standing) {
   static constexpr const char* words[] = {"beaten", "open", "front"};
   return words[static_cast<std::size_t>(standing)];
+}
+
+bool is_same_state(const ParetoResult& one, const ParetoResult& other) {
+  const std::size_t n = std::min(one.hashes.size(), other.hashes.size());
+  return n > 0 &&
+         std::equal(one.hashes.begin(), one.hashes.begin() + static_cast<std::ptrdiff_t>(n), other.hashes.begin());
 }
 
 double ParetoResult::least_error() const {

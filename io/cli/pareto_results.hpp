@@ -77,6 +77,9 @@ struct ParetoResults {
   std::vector<std::string> remarks;  // what was not tried
 };
 
+/// Whether the runs of both, repeat by repeat, have ended in the same states; false without any. Then they have the same errors, whatever their intervals.
+bool is_same_state(const ParetoResult& one, const ParetoResult& other);
+
 /// Reads what a run has left: its summary, probes, and the paths of its grains. `columns` are those that the scene names for this
 /// measure. Throws StorageError.
 ParetoRecord read_record(const ParetoPlan& plan, const std::vector<ProbeColumn>& columns,

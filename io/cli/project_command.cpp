@@ -143,15 +143,7 @@ std::string gas_summary_text(const std::vector<Case>& cases) {
   return text;
 }
 
-std::string gas_assumptions_text() {
-  return "  - the gas: iterations and parts as measured here, from when the inlets have reached their speed; at least "
-         "some 8000 "
-         "cells a rank, and coarse grids by the\n    first rank alone; messages are not hidden; a reduction takes two "
-         "latencies for each doubling of "
-         "the ranks; windows as grains lie at\n    the start; smoothing is not counted\n";
-}
-
-std::string assumptions_text(const ProjectRequest& request, std::int64_t bytes_per_ghost) {
+std::string assumptions_text(const ProjectRequest& request, std::int64_t bytes_per_ghost, bool scene_has_gas) {
   std::string text = "\nassumptions\n";
   const auto say = [&](const std::string& line) { text += "  - " + line + "\n"; };
   say("grains as they lie at the start, cut as the run will cut them then: every grain costs the same, pairs are not "
@@ -171,6 +163,11 @@ std::string assumptions_text(const ProjectRequest& request, std::int64_t bytes_p
   say("messages are hidden by interior work: a step takes packing + max(interior, messages) + border + fixed; all wait "
       "for the "
       "slowest rank. Shares are means over the ranks");
+  if (scene_has_gas && request.grains) say("the gas is left out: how it grows with --grains is not known");
+  if (scene_has_gas && !request.grains)
+    say("the gas: iterations and parts as measured here, from when the inlets have reached their speed; at least some "
+        "8000 cells a rank, and coarse grids by the first rank alone; messages are not hidden; a reduction takes two "
+        "latencies for each doubling of the ranks; windows as grains lie at the start; smoothing is not counted");
   if (request.grains)
     say("a larger bed is like this one, with more of it: where few ranks are cut, more of them than in the larger one "
         "lie at the "
@@ -267,17 +264,17 @@ std::string project_text(const ProjectRequest& request) {
                                    seconds_text(gas_rates.root_cell), gas_rates.n_iterations, gas_rates.n_parts));
   const double one_rank_work = work_of(projection.count(1)[0]);
   for (Case& c : cases) {
-    c.ranks = projection.count(c.n_parts);
+    const Projection::Division division = projection.divide(c.n_parts);
+    c.ranks = projection.count(division);
     c.prediction = predict(c.ranks, one_rank_work, projection.bytes_per_ghost(), rates, network);
     if (has_gas) {
-      c.gas = lay_out_gas(scene, projection.positions(), projection.owners(c.n_ranks), c.n_ranks);
+      c.gas = lay_out_gas(scene, projection.positions(), division.owners, c.n_ranks);
       c.gas_prediction = predict_gas(scene, *c.gas, gas_rates, rates, network, c.prediction);
     }
     text += case_text(c, title(c, request.grains.value_or(0.0), n_grains), rates);
   }
-  text += summary_text(cases) + gas_summary_text(cases) + assumptions_text(request, projection.bytes_per_ghost());
-  if (has_gas) text += gas_assumptions_text();
-  if (scene.gas && !has_gas) text += "  - the gas is left out: how it grows with --grains is not known\n";
+  text += summary_text(cases) + gas_summary_text(cases) +
+          assumptions_text(request, projection.bytes_per_ghost(), scene.gas.has_value());
   if (request.csv) write_file(*request.csv, csv_text(cases, rates));
   return text;
 }

@@ -32,9 +32,10 @@ std::vector<ProjectedResult> project_scaling(const SceneOnCores& scene_on, const
     const std::vector<GrainSeed> grains = make_grains(scene, n_cores);
     const Projection projection(scene, grains, n_cores);
     const double one_rank_work = work_of(projection.count(1)[0]);
-    Prediction p = predict(projection.count(n), one_rank_work, projection.bytes_per_ghost(), rates, network);
-    if (scene.gas) {
-      const GasLayout layout = lay_out_gas(scene, projection.positions(), projection.owners(n), n);
+    const Projection::Division division = projection.divide(n);
+    Prediction p = predict(projection.count(division), one_rank_work, projection.bytes_per_ghost(), rates, network);
+    if (scene.gas) {  // a grain step, with its share of the gas step
+      const GasLayout layout = lay_out_gas(scene, projection.positions(), division.owners, n);
       const GasPrediction gas = predict_gas(scene, layout, gas_rates, rates, network, p);
       const double grain_share = gas.grain_steps * p.step / gas.whole;
       p.messages = p.messages * grain_share + gas.messages / gas.whole;
