@@ -1,5 +1,7 @@
 #include "kernels/motion/motion.hpp"
 
+#include <algorithm>
+
 #include "kernels/contact/sweep.hpp"
 
 #undef HWY_TARGET_INCLUDE
@@ -23,30 +25,24 @@ struct Sum {
   Quad force, moment, lost;
 };
 
-/// A number of a slot in all four places.
-HWY_INLINE Quad number_of(const double* slot, int place) { return last_of(load_quad(slot + place - 3)); }
-HWY_INLINE Quad number_of(const float* slot, int place) { return set_quad(slot[place]); }
-
 template <bool has_rotation, bool has_ledger, bool has_further, typename Real>
 HWY_INLINE Sum sum_of_contacts(const GrainSums& sums, std::int32_t i, std::int64_t& w) {
   constexpr int slot = slot_size(has_rotation, has_ledger, has_further);
-  const Real* const ring = static_cast<const Real*>(sums.ring);
-  const Real* const kept = static_cast<const Real*>(sums.kept);
+  const Real* const slots[2] = {static_cast<const Real*>(sums.ring), static_cast<const Real*>(sums.kept)};
+  const std::uint32_t masks[2] = {sums.ring_mask, ~std::uint32_t{0}};
   Sum sum{set_quad(0.0), set_quad(0.0), set_quad(0.0)};
   const std::uint32_t end = sums.offsets[i - sums.first_grain + 1];
   for (std::uint32_t q = sums.offsets[i - sums.first_grain]; q < end; ++q) {
     const Entry entry = sums.entries[q];
-    const bool is_b = (entry & entry_is_b) != 0;
-    const std::uint32_t index = entry >> 2;
-    const Real* s = (entry & entry_is_kept) ? kept + std::int64_t{index} * slot
-                                            : ring + std::int64_t{index & sums.ring_mask} * slot;
+    // Which grain of the pair it is, and where its slot is, no processor foresees: addresses instead of branches.
+    const std::uint64_t is_b = entry & entry_is_b, is_kept = entry / entry_is_kept & 1;
+    const Real* const s = slots[is_kept] + std::int64_t{entry >> 2 & masks[is_kept]} * slot;
     const Quad f = load_quad(s);
-    sum.force = sum.force + flip_sign(f, static_cast<std::uint64_t>(is_b) << 63);
+    sum.force = sum.force + flip_sign(f, is_b << 63);
     if constexpr (has_rotation) {
       const Quad m = load_quad(s + 4);
-      sum.moment = sum.moment - number_of(s, is_b ? 7 : 3) * m;
-      if constexpr (has_further)
-        sum.moment = sum.moment + flip_sign(load_quad(s + 8), static_cast<std::uint64_t>(is_b) << 63);
+      sum.moment = sum.moment - set_quad(static_cast<double>(s[3 + 4 * is_b])) * m;
+      if constexpr (has_further) sum.moment = sum.moment + flip_sign(load_quad(s + 8), is_b << 63);
     }
     if constexpr (has_ledger)
       if (!is_b) sum.lost = sum.lost + load_quad(s + slot - 4);
@@ -146,6 +142,30 @@ MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Ran
   return result;
 }
 
+double most_used_room(const RoomUse& use, const std::int32_t* list, Range range) {
+  constexpr int n = n_lanes<double>;
+  const Lanes<double> age(use.age);
+  Lanes<double> most(0.0);
+  for (std::int64_t k = range.begin; k < range.end; k += n) {
+    const auto grain = [&](int lane) HWY_ATTR {  // the last one again where there are no more
+      const std::int64_t place = std::min(k + lane, range.end - 1);
+      return list ? std::int64_t{list[place]} : place;
+    };
+    const Lanes4<double> record =
+        load_records([&](int lane) HWY_ATTR { return use.records + grain(lane) * use.record_size; });
+    const Lanes4<double> place = load_records([&](int lane) HWY_ATTR { return use.places + 4 * grain(lane); });
+    const Lanes4<double> frame =
+        load_records([&](int lane) HWY_ATTR { return use.frames + 4 * std::int64_t{use.frame_of[grain(lane)]}; });
+    const Lanes3<double> gone = record.xyz() - fma(age, frame.xyz(), place.xyz());
+    const Lanes<double> share = fma(age, frame.d, sqrt(dot(gone, gone))) * place.d;
+    most = select(share > most, share, most);  // one that has left lies nowhere
+  }
+  alignas(64) double shares[n];
+  store(shares, most);
+  return *std::max_element(shares, shares + n);
+}
+RoomKernel choose_room() { return &most_used_room; }
+
 template <typename Real, bool has_further>
 MotionKernel choose_slots(bool has_rotation, bool has_ledger) {
   if (has_rotation)
@@ -172,6 +192,8 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace moraine {
 HWY_EXPORT(choose_motion);
+HWY_EXPORT(choose_room);
+RoomKernel room_kernel() { return HWY_DYNAMIC_DISPATCH(choose_room)(); }
 MotionKernel motion_kernel(bool has_rotation, bool has_ledger, bool has_further, bool is_mixed) {
   return HWY_DYNAMIC_DISPATCH(choose_motion)(has_rotation, has_ledger, has_further, is_mixed);
 }

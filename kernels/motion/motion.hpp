@@ -69,4 +69,18 @@ using MotionKernel = MotionResult (*)(const GrainSums& sums, const std::int32_t*
 /// `has_further`: slots have a rolling torque. `is_mixed`: those of pairs are floats; they are summed in double.
 MotionKernel motion_kernel(bool has_rotation, bool has_ledger, bool has_further = false, bool is_mixed = false);
 
+/// How far grains have gone from their places x0, as seen from frames that move with those around them.
+struct RoomUse {
+  const double* records = nullptr;
+  std::int64_t record_size = 0;            // doubles
+  const double* places = nullptr;          // x0 [m] and one over its room [1/m] of each grain
+  const double* frames = nullptr;          // V and c [m/s] of each frame
+  const std::int32_t* frame_of = nullptr;  // of each grain
+  double age = 0.0;                        // t [s] since they lay there
+};
+/// The largest share of its room that any of the grains `list[range]` has used, or of `range` itself where list is nullptr: |x - x0 - V t| + c t, over
+/// the room [-].
+using RoomKernel = double (*)(const RoomUse& use, const std::int32_t* list, Range range);
+RoomKernel room_kernel();
+
 }  // namespace moraine

@@ -2,6 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include <bit>
+#include <cmath>
 #include <numeric>
 #include <vector>
 
@@ -116,6 +117,45 @@ PlainGrain plain_advance(const MotionSetup& m, int i) {
 }
 
 }  // namespace
+
+TEST_CASE("the share of their room that grains have used is the largest, as plain code finds it") {
+  shapes::Dice dice(7);
+  for (const int stride : {8, 12})
+    for (const int n : {1, 3, 8, 29}) {
+      const auto count = static_cast<std::size_t>(n);
+      AlignedArray<double> records, places, frames;
+      const auto fill = [&](AlignedArray<double>& array, std::size_t size, double low) {
+        array.resize_discarding(size);
+        for (double& x : array) x = dice.uniform(low, 1.0);
+      };
+      fill(records, count * static_cast<std::size_t>(stride), -1.0);
+      fill(places, 4 * count, 0.1);
+      fill(frames, 4 * 5, 0.0);
+      std::vector<std::int32_t> frame_of, list;
+      for (int i = 0; i < n; ++i) frame_of.push_back(dice.index(5));
+      for (int i = n - 1; i >= 0; i -= 2) list.push_back(i);
+      if (n > 8) records[static_cast<std::size_t>(4 * stride)] = std::nan("");  // it has left
+      const double age = 0.3;
+      const auto share = [&](int i) {
+        const auto at = static_cast<std::size_t>(i);
+        const double* const x = records.data() + i * stride;
+        const double* const place = places.data() + 4 * i;
+        const double* const frame = frames.data() + 4 * frame_of[at];
+        double square = 0.0;
+        for (int k = 0; k < 3; ++k) square += std::pow(x[k] - place[k] - age * frame[k], 2);
+        return (std::sqrt(square) + age * frame[3]) * place[3];
+      };
+      double of_all = 0.0, of_list = 0.0;
+      for (int i = 0; i < n; ++i)
+        if (share(i) > of_all) of_all = share(i);
+      for (const int i : list)
+        if (share(i) > of_list) of_list = share(i);
+      const RoomUse use = {records.data(), stride, places.data(), frames.data(), frame_of.data(), age};
+      CHECK(room_kernel()(use, nullptr, {0, n}) == Approx(of_all).epsilon(1e-14));
+      CHECK(room_kernel()(use, list.data(), {0, static_cast<std::int64_t>(list.size())}) ==
+            Approx(of_list).epsilon(1e-14));
+    }
+}
 
 TEST_CASE("the motion kernel sums and advances as plain code does") {
   for (int bits = 0; bits < 8; ++bits) {
