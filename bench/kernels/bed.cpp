@@ -89,7 +89,7 @@ Bed::Bed(Size size, bool has_rotation) : particles({has_rotation, true, false, f
   needs.species_table = species_table.data();
   needs.n_materials = 2;
   PairCarry nothing;
-  pairs.build(particles, cells, {}, {}, {}, skin, needs, cells.order(), nothing, 1);
+  pairs.build(particles, cells, {}, {}, {}, skin, {}, needs, cells.order(), nothing, 1);
   n_slots = thread().tiles.back().pair_end;
   images.assign(static_cast<std::size_t>(n_slots), 0);
   image_shift.assign(image::n_codes, Vec3{});

@@ -37,10 +37,11 @@ void filter(benchmark::State& state, Size size) {
   std::int64_t n_asked = 0, n_found = 0;
   const auto pass = [&] {
     n_asked = n_found = 0;
+    Cells::Walk walk(b.cells);
     for (std::int32_t i = 0; i < b.particles.size(); ++i) {
       const Vec3 centre{x[0][static_cast<std::size_t>(i)], x[1][static_cast<std::size_t>(i)],
                         x[2][static_cast<std::size_t>(i)]};
-      const int n_runs = b.cells.runs_after(i, centre, runs);
+      const int n_runs = walk.runs_after(i, centre, runs);
       for (int r = 0; r < n_runs; ++r) {
         n_asked += runs[r].grains.size();
         n_found += near(spheres, runs[r].grains, centre, x[3][static_cast<std::size_t>(i)] + Bed::skin, found.data());
@@ -83,12 +84,12 @@ void build(benchmark::State& state, Size size, int n_threads) {
   b.particles.reorder(b.cells.order(), n_threads);
   // in order already, so that grains stay where their memory is
   PairCarry nothing;
-  b.pairs.build(b.particles, b.cells, {}, {}, {}, Bed::skin, b.needs, b.cells.order(), nothing, 1);
+  b.pairs.build(b.particles, b.cells, {}, {}, {}, Bed::skin, {}, b.needs, b.cells.order(), nothing, 1);
   b.n_slots = b.thread().tiles.back().pair_end;
   b.restart({NormalLaw::linear, TangentialLaw::spring, true, false, true});
   PairCarry carry = b.pairs.carry(b.particles, {}, false, 1);
   measure(state, work_of_grains(b, n_threads), [&] {
-    b.pairs.build(b.particles, b.cells, {}, {}, {}, Bed::skin, b.needs, b.cells.order(), carry, n_threads);
+    b.pairs.build(b.particles, b.cells, {}, {}, {}, Bed::skin, {}, b.needs, b.cells.order(), carry, n_threads);
   });
   state.counters["pairs"] = b.n_pairs();
 }

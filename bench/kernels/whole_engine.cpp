@@ -44,10 +44,11 @@ struct Engine {
         World());
     kick.gain = kick.time = kick.drift = dt;
     kick.gravity = scene.time.gravity;
-    contacts->rebuild(particles, Bed::skin, 0.0, n_threads);
+    contacts->rebuild(particles, width(), 0.0, n_threads);
     StepResult result;
     for (int step = 0; step < 5; ++step) contacts->advance(particles, kick, dt, travelled, n_threads, result);
   }
+  ListWidth width() const { return {Bed::skin, Bed::skin, dt, 2.0 * particles.radius(0), true}; }
   Work work(int n_threads) const {
     Work work;
     work.items_name = "grains/s";
@@ -69,7 +70,7 @@ void step(benchmark::State& state, const std::string& deck, Size size, int n_thr
 void rebuild(benchmark::State& state, Size size, int n_threads) {
   Engine engine("bed.toml", size, n_threads);
   measure(state, engine.work(n_threads),
-          [&] { engine.contacts->rebuild(engine.particles, Bed::skin, 0.0, n_threads); });
+          [&] { engine.contacts->rebuild(engine.particles, engine.width(), 0.0, n_threads); });
 }
 
 void hash(benchmark::State& state, Size size) {

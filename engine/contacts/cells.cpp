@@ -33,7 +33,7 @@ std::array<int, 3> Cells::cell_of(Vec3 p) const {
   std::array<int, 3> cell{};
   for (int role = 0; role < 3; ++role) {
     const int axis = axes_[static_cast<std::size_t>(role)];
-    const double c = (p[axis] - low_[axis]) * inverse_width_[axis];
+    const double c = (p[axis] - box_.low[axis]) * inverse_width_[axis];
     cell[static_cast<std::size_t>(role)] =
         std::clamp(static_cast<int>(c), 0, counts_[static_cast<std::size_t>(role)] - 1);
   }
@@ -83,7 +83,7 @@ void Cells::lay_out(const Centres& centres, const Box& domain, int n_threads) {
   std::stable_sort(axes_.begin(), axes_.end(), [&](int a, int b) {
     return counts_by_axis[static_cast<std::size_t>(a)] > counts_by_axis[static_cast<std::size_t>(b)];
   });
-  low_ = box.low;
+  box_ = box;
   for (int role = 0; role < 3; ++role) {
     const int axis = axes_[static_cast<std::size_t>(role)];
     const auto a = static_cast<std::size_t>(axis);
@@ -183,15 +183,14 @@ void Cells::sort(const Centres& centres, const Box& domain, const std::array<boo
   }
 }
 
-int Cells::runs_after(std::int32_t i, Vec3 position, Run* runs) const {
+int Cells::runs_around(const std::array<int, 3>& cell, Run* runs) const {
   const int n_slow = counts_[0], n_middle = counts_[1], n_fast = counts_[2];
-  const auto [slow, middle, fast] = cell_of(position);
+  const auto [slow, middle, fast] = cell;
   int n = 0;
   std::array<int, 3> step{};  // image steps by axis
   const auto add = [&](int s, int m, int first, int last) {
     if (first > last) return;
     for_each_piece(s, m, first, last, [&](Range grains) {
-      grains.begin = std::max<std::int64_t>(grains.begin, i + 1);
       if (!grains.empty()) runs[n++] = {grains, image::code(step[0], step[1], step[2])};
     });
   };
@@ -226,6 +225,20 @@ int Cells::runs_after(std::int32_t i, Vec3 position, Run* runs) const {
   return n;
 }
 
+int Cells::Walk::runs_after(std::int32_t i, Vec3 position, Run* runs) {
+  const std::array<int, 3> cell = cells_.cell_of(position);
+  if (cell != cell_) {
+    cell_ = cell;
+    n_around_ = cells_.runs_around(cell, around_);
+  }
+  int n = 0;
+  for (int r = 0; r < n_around_; ++r) {
+    const Range& grains = around_[r].grains;
+    if (grains.end > i + 1) runs[n++] = {{std::max<std::int64_t>(grains.begin, i + 1), grains.end}, around_[r].image};
+  }
+  return n;
+}
+
 void Cells::runs_within(Vec3 point, double reach, std::vector<Run>& runs) const {
   runs.clear();
   reach *= 1.0 + 1e-9;  // room for rounding, here and where grains were put into cells
@@ -234,7 +247,7 @@ void Cells::runs_within(Vec3 point, double reach, std::vector<Run>& runs) const 
   for (std::size_t role = 0; role < 3; ++role) {
     const int axis = axes_[role];
     width[role] = 1.0 / inverse_width_[axis];
-    centre[role] = point[axis] - low_[axis];
+    centre[role] = point[axis] - box_.low[axis];
   }
   const auto cells_between = [&](std::size_t role, double half) {
     const double low = std::floor((centre[role] - half) / width[role] - 1e-9);

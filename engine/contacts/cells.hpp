@@ -75,8 +75,7 @@ class Cells {
     Range grains;        // places in sorted order
     std::uint8_t image;  // code of these grains seen from the asking one
   };
-  /// Runs of grains that may be near grain i (by sorted place), which lies at `position`, and come after it. At most 27 runs.
-  int runs_after(std::int32_t i, Vec3 position, Run* runs) const;
+  class Walk;
   /// Runs of all grains that may be nearer than `reach` [m] to a point that is no grain of these, however far that is. Replaces what is
   /// in `runs`.
   void runs_within(Vec3 point, double reach, std::vector<Run>& runs) const;
@@ -90,6 +89,9 @@ class Cells {
     return (s[0] == 0 || periodic_[0]) && (s[1] == 0 || periodic_[1]) && (s[2] == 0 || periodic_[2]);
   }
 
+  /// All grains lie in it; where the domain was periodic it is as wide as that [m].
+  const Box& box() const { return box_; }
+  bool is_periodic(int axis) const { return periodic_[static_cast<std::size_t>(axis)]; }
   /// Number of cells along the slow, middle and fast axis.
   const std::array<int, 3>& counts() const { return counts_; }
   int n_columns() const { return n_columns_; }
@@ -117,6 +119,8 @@ class Cells {
   };
   static std::vector<Strip> strips_of(int n_cells);
   std::array<int, 3> cell_of(Vec3 p) const;
+  /// Runs of all grains in a cell and those around it; at most max_runs.
+  int runs_around(const std::array<int, 3>& cell, Run* runs) const;
   /// Place of a cell in the order of memory.
   std::int32_t index_of(int slow, int middle, int fast) const {
     const Strip& m = strips_[0][static_cast<std::size_t>(middle)];
@@ -141,10 +145,24 @@ class Cells {
   int n_columns_ = 1;
   std::int32_t furthest_in_column_ = 0;
   double reach_ = 0.0;
-  Vec3 low_;
+  Box box_;
   Vec3 inverse_width_;
   std::vector<std::int32_t> order_;
   std::vector<std::int32_t> cell_begin_;  // of each cell, and the end
+};
+
+/// Asks for grains one after the other, in sorted order: those of a cell have the same runs around them.
+class Cells::Walk {
+ public:
+  explicit Walk(const Cells& cells) : cells_(cells) {}
+  /// Runs of grains that may be near grain i (by sorted place), which lies at `position`, and come after it. At most max_runs.
+  int runs_after(std::int32_t i, Vec3 position, Run* runs);
+
+ private:
+  const Cells& cells_;
+  std::array<int, 3> cell_{-1, -1, -1};
+  Run around_[max_runs];
+  int n_around_ = 0;
 };
 
 }  // namespace moraine

@@ -51,6 +51,7 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
       choice_(choose_laws(scene, kind.is_uniform && laws_.n_pair_species == 1)),  // uniform: all pairs go by row 0
       kernels_(contact_kernels(choice_)),
       motion_(motion_kernel(choice_.has_rotation, choice_.has_ledger, choice_.has_further(), choice_.is_mixed)),
+      room_use_(room_kernel()),
       mass_unit_(choice_.is_mixed ? mass_unit_for(kind.largest_mass) : 1.0),
       pair_table_(in_units_of_mass(laws_.pairs, mass_unit_)),
       wall_table_(in_units_of_mass(laws_.walls, mass_unit_)),
@@ -79,8 +80,9 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
   if (std::find(has_map_.begin(), has_map_.end(), true) == has_map_.end()) has_map_.clear();
 }
 
-void Contacts::rebuild(Particles& particles, double skin, double time, int n_threads, const Births& births) {
+void Contacts::rebuild(Particles& particles, const ListWidth& width, double time, int n_threads, const Births& births) {
   travel_.forget();
+  rooms_.forget();
   if (!set_aside_) refresh(particles);  // pairs are carried over by the images in which they are now
   std::vector<std::uint8_t> is_leaving = leaving_grains(world_, subdomains_, particles);
   PairCarry pairs;
@@ -95,7 +97,7 @@ void Contacts::rebuild(Particles& particles, double skin, double time, int n_thr
     walls = wall_contacts_.carry();
   }
   take_in(particles, births, pairs, is_leaving, n_threads);
-  build(particles, pairs, walls, is_leaving, skin, time, n_threads);
+  build(particles, pairs, walls, is_leaving, width, time, n_threads);
 }
 
 /// Newborns behind the grains that are there; they remember nothing.
@@ -118,13 +120,13 @@ void Contacts::set_aside() {
   cells_ = Cells();
 }
 
-void Contacts::restore(Particles& particles, PairCarry pairs, WallCarry walls, double skin, double time,
+void Contacts::restore(Particles& particles, PairCarry pairs, WallCarry walls, const ListWidth& width, double time,
                        int n_threads) {
-  build(particles, pairs, walls, leaving_grains(world_, subdomains_, particles), skin, time, n_threads);
+  build(particles, pairs, walls, leaving_grains(world_, subdomains_, particles), width, time, n_threads);
 }
 
 void Contacts::build(Particles& particles, PairCarry& pairs, WallCarry& walls, std::span<const std::uint8_t> is_leaving,
-                     double skin, double time, int n_threads) {
+                     const ListWidth& width, double time, int n_threads) {
   std::array<bool, 3> wraps = periodic_;  // the directions in which this rank's grains meet their own images
   if (!world_.is_alone()) {
     n_migrated_ +=
@@ -132,18 +134,27 @@ void Contacts::build(Particles& particles, PairCarry& pairs, WallCarry& walls, s
     for (int axis = 0; axis < 3; ++axis) wraps[static_cast<std::size_t>(axis)] = subdomains_.spans(world_.rank(), axis);
   }
   // In the order of the cells of the smallest; where sizes differ widely, each class has its own cells besides, for the search.
-  const double reach = skin + range_;  // between surfaces
+  const double reach = width.skin + range_;  // between surfaces
   swept_ = {};
   cells_.sort(Centres::of(particles), domain_, wraps, 2.0 * sizes_.smallest_limit() + reach, n_threads);
   particles.reorder(cells_.order(), n_threads);
   SizeGrids grids;
   if (sizes_.size() > 1) grids.build(particles, sizes_, domain_, wraps, image_shift_, reach, n_threads);
   if (!world_.is_alone()) ghosts_.make(world_, subdomains_, particles, sizes_, grids, reach);
-  pairs_.build(particles, cells_, grids, ghosts_.copies(), image_shift_, skin, needs_, cells_.order(), pairs,
-               n_threads);
-  wall_contacts_.build(particles, pairs_, skin, time, cells_.order(), walls, n_threads);
-  skin_ = skin;
-  travel_.begin(particles, where_none_meets_others(2.0 * cells_.reach()), n_threads);
+  std::vector<double> rooms;
+  if (world_.is_alone())
+    rooms = sizes_.size() > 1 ? rooms_.begin_at_rest(particles, width.skin, n_threads)
+                              : rooms_.begin(particles, cells_, width, 2.0 * largest_radius_ + range_, n_threads);
+  else
+    travel_.begin(particles, where_none_meets_others(2.0 * cells_.reach()), n_threads);
+  pairs_.note_times(thread_seconds_);
+  thread_seconds_.clear();
+  pairs_.build(particles, cells_, grids, ghosts_.copies(), image_shift_, width.skin, rooms, needs_, cells_.order(),
+               pairs, n_threads);
+  wall_contacts_.build(particles, pairs_, width.wall_skin, time, cells_.order(), walls, n_threads);
+  skin_ = width.skin;
+  age_ = used_at_rest_ = 0.0;
+  measured_from_ = PairList::next_opening(0.0);
 }
 
 /// This rank's box without what is nearer than `distance` [m] to faces that others are behind.
@@ -173,7 +184,9 @@ void Contacts::finish_refresh(Particles& particles) {
 struct Contacts::ThreadStep {
   StepResult result;
   WallSums walls;
-  char padding[64];  // threads write their own cache lines
+  RoomShares used;       // alone
+  double seconds = 0.0;  // at work
+  char padding[64];      // threads write their own cache lines
 };
 
 void Contacts::advance(Particles& particles, const Kick& kick, double dt, double travelled, int n_threads,
@@ -184,20 +197,25 @@ void Contacts::advance(Particles& particles, const Kick& kick, double dt, double
   if (!ghosts_.are_fresh()) ghosts_.start_refresh(particles);
   // Where grains turn out to be nearer to their places than was known, bands close. What they held in the last step is swept once more: a
   // contact that has ended meanwhile must be seen to end.
-  const Approach approach = {std::max(2.0 * travelled, swept_.own), swept_.border};
+  const double used = 2.0 * travelled / skin_;
+  const Approach approach = {std::max(used, swept_.own), swept_.border};
+  age_ += kick.drift;
   parallel(n_active, [&](int thread) {
-    advance_thread(particles, kick, dt, travelled, approach, counted, thread, steps[static_cast<std::size_t>(thread)]);
+    advance_thread(particles, kick, dt, used, approach, counted, thread, steps[static_cast<std::size_t>(thread)]);
   });
-  if (std::isfinite(travelled)) swept_ = {2.0 * travelled, travelled + ghosts_.heard().travelled};
+  if (std::isfinite(travelled)) swept_ = {used, 0.5 * used + ghosts_.heard().travelled / skin_};
   ghosts_.set_fresh(world_.is_alone());
   result = StepResult{};
+  RoomShares used_now;
   for (const ThreadStep& step : steps) {
     result.n_touching += step.result.n_touching;
     result.has_large_overlap = result.has_large_overlap || step.result.has_large_overlap;
     result.is_any_not_finite = result.is_any_not_finite || step.result.is_any_not_finite;
     result.max_speed = std::max(result.max_speed, step.result.max_speed);
+    used_now.include(step.used);
     result.outside.insert(result.outside.end(), step.result.outside.begin(), step.result.outside.end());
   }
+  if (world_.is_alone()) result.used_room = used_room(particles, used_now, result.max_speed * kick.drift, n_threads);
   if (measures_walls_) {
     wall_sums_.pushes.assign(walls_->servo_walls().size(), ExactSum());
     for (const ThreadStep& step : steps) {
@@ -206,10 +224,27 @@ void Contacts::advance(Particles& particles, const Kick& kick, double dt, double
     }
   }
   std::sort(result.outside.begin(), result.outside.end());
+  thread_seconds_.resize(steps.size());
+  for (std::size_t thread = 0; thread < steps.size(); ++thread) thread_seconds_[thread] += steps[thread].seconds;
 }
 
-void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt, double travelled,
-                              const Approach& approach, double counted, int thread, ThreadStep& step) {
+/// The largest share of its room that a grain has used, or a bound of it. In a bed at rest no band opens for long, whatever its grains do: they are
+/// looked at when they can have come so far. `measured`: by this step, if it did; `way` [m]: none has come further in it.
+double Contacts::used_room(const Particles& particles, RoomShares measured, double way, int n_threads) {
+  const double in_a_step = way / rooms_.least();
+  double used = used_at_rest_ += in_a_step;
+  if (!measures_rooms_ && used >= measured_from_) measured = rooms_.measure(particles, age_, n_threads);
+  if (measures_rooms_ || used >= measured_from_) {
+    used_at_rest_ = measured.at_rest;
+    measured_from_ = PairList::next_opening(used_at_rest_);
+    used = rooms_.used(measured, age_);
+  }
+  measures_rooms_ = used_at_rest_ + 2.0 * in_a_step >= measured_from_;
+  return used;
+}
+
+void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt, double used, const Approach& approach,
+                              double counted, int thread, ThreadStep& step) {
   ThreadPairs& mine = pairs_.threads()[static_cast<std::size_t>(thread)];
   PairSweep sweep;
   sweep.records = particles.records();
@@ -244,6 +279,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   sums.force = particles.force();
   sums.push = push_ ? push_ : particles.gas_acceleration();
   sums.torque = particles.torque();
+  const RoomUse room_use = rooms_.use(particles, age_);
 
   StepResult& result = step.result;
   if (measures_walls_) step.walls.pushes.resize(walls_->servo_walls().size());
@@ -275,6 +311,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
     if (range.empty()) return;
     const MotionResult moved = motion_(sums, list, range);
     speed_squared = std::max(speed_squared, moved.max_speed_squared);
+    if (world_.is_alone() && measures_rooms_) step.used.include(room_use_(room_use, list, range));
     result.is_any_not_finite = result.is_any_not_finite || moved.is_any_not_finite;
     if (!moved.is_any_outside) return;
     for (std::int64_t n = range.begin; n < range.end; ++n) {
@@ -284,16 +321,17 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   };
 
   const std::int64_t slot = needs_.slot_size * static_cast<std::int64_t>(number_size(choice_.is_mixed));  // bytes
-  const auto sweep_kept = [&](const Tile& tile, double nearer) {
-    const std::int64_t far = pairs_.far_begin(tile.kept_bands, tile.pair_end, nearer);
+  const auto sweep_kept = [&](const Tile& tile, double share) {
+    const std::int64_t far = PairList::far_begin(tile.kept_bands, tile.pair_end, share);
     if (far > tile.kept_begin)
       note(kernels_.pairs(sweep, {tile.kept_begin, far}, pairs_.kept_slots() + tile.kept_slot * slot));
   };
   const std::size_t n_tiles = mine.tiles.size() - (mine.has_border ? 1 : 0);
+  double begin = threads::now();
   for (std::size_t t = 0; t < n_tiles; ++t) {
     const Tile& tile = mine.tiles[t];
     ask_for_records(particles, tile.grain_end + cells_.furthest_in_column(), tile.grain_end - tile.grain_begin);
-    const std::int64_t far = pairs_.far_begin(tile.ring_bands, tile.kept_begin, approach.own);
+    const std::int64_t far = PairList::far_begin(tile.ring_bands, tile.kept_begin, approach.own);
     for (std::int64_t k = tile.ring_begin; k < tile.kept_begin;) {  // up to the end of the ring, then from its start
       const std::int64_t place = k & mine.ring_mask;
       const std::int64_t end =
@@ -312,15 +350,18 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
     else
       advance_grains(mine.plain.data(), {tile.plain_begin, tile.plain_end});
   }
+  step.seconds = threads::now() - begin;
   // Border pairs need the ghosts, deferred grains the slots of all threads. The first thread speaks for the rank.
   if (thread == 0 && !ghosts_.are_fresh()) finish_refresh(particles);
   if (mine.has_border) {
     barrier();
-    sweep_kept(mine.tiles.back(), std::max(approach.border, travelled + ghosts_.heard().travelled));
+    sweep_kept(mine.tiles.back(), std::max(approach.border, 0.5 * used + ghosts_.heard().travelled / skin_));
   }
   barrier();
+  begin = threads::now();
   touch_walls(wall_contacts_.deferred(thread));
   advance_grains(mine.deferred.data(), {0, static_cast<std::int64_t>(mine.deferred.size())});
+  step.seconds += threads::now() - begin;
   result.max_speed = std::sqrt(speed_squared);
 }
 

@@ -14,6 +14,7 @@
 #include "engine/contacts/ghosts.hpp"
 #include "engine/contacts/law_table.hpp"
 #include "engine/contacts/pair_list.hpp"
+#include "engine/contacts/rooms.hpp"
 #include "engine/contacts/size_classes.hpp"
 #include "engine/contacts/travel.hpp"
 #include "engine/contacts/wall_contacts.hpp"
@@ -32,6 +33,7 @@ struct StepResult {
   bool has_large_overlap = false;
   bool is_any_not_finite = false;
   double max_speed = 0.0;             // [m/s] upper bound
+  double used_room = 0.0;             // [-] the largest share, see Rooms; only alone
   std::vector<std::int32_t> outside;  // grains whose centre is outside the domain, ascending
 };
 
@@ -80,9 +82,10 @@ class Contacts {
   /// Forgets where grains were near each other and looks again: removes grains that have left, hands over those that belong to other
   /// ranks, sorts the others, makes ghosts, finds pairs and wall candidates, and carries over what contacts remember. All ranks.
   /// Newborn grains come in, on whatever rank.
-  void rebuild(Particles& particles, double skin, double time, int n_threads, const Births& births = {});
+  void rebuild(Particles& particles, const ListWidth& width, double time, int n_threads, const Births& births = {});
   /// As rebuild, with the memory of a checkpoint, by place; pairs must stand at both their grains where these may part. All ranks.
-  void restore(Particles& particles, PairCarry pairs, WallCarry walls, double skin, double time, int n_threads);
+  void restore(Particles& particles, PairCarry pairs, WallCarry walls, const ListWidth& width, double time,
+               int n_threads);
 
   /// Gives the memory of the list back, to make room for something else. Until the next rebuild nothing may ask for contacts; what pairs
   /// remember must be given back before it, by present places.
@@ -92,6 +95,7 @@ class Contacts {
     pairs_.release_index();
     cells_ = Cells();
     travel_.forget();
+    rooms_.forget();
   }
   void give_back(PairCarry pairs) { set_aside_->pairs = std::move(pairs); }
   bool are_set_aside() const { return set_aside_.has_value(); }
@@ -105,7 +109,8 @@ class Contacts {
   void refresh(Particles& particles);
 
   /// Contact forces at the present positions, then kick and drift of all grains. `result.outside` and the rest are overwritten. Ghosts
-  /// are refreshed meanwhile, where they are not. `travelled` [m]: a bound of travelled().of_pairs().
+  /// are refreshed meanwhile, where they are not. `travelled` [m]: a bound of travelled().of_pairs() with several ranks, alone the share of
+  /// its room that any grain has used, of half the skin.
   /// `counted`: the share of this step's work that goes to wall_sums().
   void advance(Particles& particles, const Kick& kick, double dt, double travelled, int n_threads, StepResult& result,
                double counted = 1.0);
@@ -131,7 +136,11 @@ class Contacts {
   };
   Velocities velocities_now(Particles& particles, const Kick& half_kick, double dt, int n_threads);
 
-  /// How far this rank's grains have come since the rebuild, and how much nearer to each other.
+  /// Alone: none has come further since the rebuild [m].
+  double furthest(const Particles& particles, int n_threads) const { return rooms_.furthest(particles, n_threads); }
+  /// As Rooms::wanted_skin() [m].
+  double wanted_skin() const { return rooms_.wanted_skin(); }
+  /// Several ranks: how far this rank's grains have come since the rebuild, and how much nearer to each other.
   Travelled travelled(const Particles& particles, int n_threads) {
     return sizes_.size() > 1 ? travel_.measure(particles, n_threads)
                              : travel_.measure(particles, cells_, skin_, n_threads);
@@ -140,7 +149,11 @@ class Contacts {
   /// Grain i has crossed periodic faces (see PairList::shift_images).
   void shift_images(std::int32_t i, const std::array<int, 3>& steps) {
     pairs_.shift_images(i, steps);
-    travel_.follow(i, {steps[0] * domain_.size().x, steps[1] * domain_.size().y, steps[2] * domain_.size().z});
+    const Vec3 shift = {steps[0] * domain_.size().x, steps[1] * domain_.size().y, steps[2] * domain_.size().z};
+    if (world_.is_alone())
+      rooms_.follow(i, shift);
+    else
+      travel_.follow(i, shift);
   }
   /// Grain i has left: its contacts are forgotten, and the energy that their springs held counts as gone.
   void clear_memory(const Particles& particles, std::int32_t i) {
@@ -185,24 +198,26 @@ class Contacts {
   /// Grains that this rank has handed to others since the start.
   std::uint64_t n_migrated() const { return n_migrated_; }
   std::size_t memory() const {
-    return pairs_.memory() + wall_contacts_.memory() + cells_.memory() + ghosts_.memory() + travel_.memory();
+    return pairs_.memory() + wall_contacts_.memory() + cells_.memory() + ghosts_.memory() + travel_.memory() +
+           rooms_.memory();
   }
   const LawChoice& choice() const { return choice_; }
   const SceneLaws& laws() const { return laws_; }
 
  private:
   void build(Particles& particles, PairCarry& pairs, WallCarry& walls, std::span<const std::uint8_t> is_leaving,
-             double skin, double time, int n_threads);
+             const ListWidth& width, double time, int n_threads);
   void finish_refresh(Particles& particles);
   Box where_none_meets_others(double distance) const;
+  double used_room(const Particles& particles, RoomShares measured, double way, int n_threads);
   void take_in(Particles& particles, const Births& births, PairCarry& pairs, std::vector<std::uint8_t>& is_leaving,
                int n_threads) const;
   struct ThreadStep;
-  /// How much nearer grains of pairs may have come since the rebuild [m].
+  /// How much nearer grains of pairs may have come since the rebuild, as shares of what both may [-].
   struct Approach {
     double own = 0.0, border = 0.0;  // of this rank; with ghosts
   };
-  void advance_thread(Particles& particles, const Kick& kick, double dt, double travelled, const Approach& approach,
+  void advance_thread(Particles& particles, const Kick& kick, double dt, double used, const Approach& approach,
                       double counted, int thread, ThreadStep& step);
   ReferenceContact pair_contact(const Particles& particles, std::int32_t a, std::int32_t b, std::uint8_t image,
                                 const PairMemory* memory) const;
@@ -214,6 +229,7 @@ class Contacts {
   LawChoice choice_;
   ContactKernels kernels_;
   MotionKernel motion_;
+  RoomKernel room_use_;
   double mass_unit_;  // [kg] with mixed precision, of the tables and of what pairs give
   LawTable pair_table_, wall_table_;
   double uniform_inverse_mass_;
@@ -228,8 +244,13 @@ class Contacts {
   World world_;
   Subdomains subdomains_;
   Cells cells_;
-  double skin_ = 0.0;  // [m] of the list
-  TravelWatch travel_;
+  double skin_ = 0.0;   // [m] of the list
+  TravelWatch travel_;  // several ranks
+  Rooms rooms_;         // alone
+  double age_ = 0.0;    // [s] of the list
+  // Of the share of its room that any grain has used, in a frame at rest: a bound; where it must be measured anew; whether the next step does so.
+  double used_at_rest_ = 0.0, measured_from_ = 1.0;
+  bool measures_rooms_ = true;
   Ghosts ghosts_;
   PairList pairs_;
   WallContacts wall_contacts_;
@@ -238,7 +259,8 @@ class Contacts {
     WallCarry walls;
   };
   std::optional<SetAside> set_aside_;
-  Approach swept_;  // in the last step
+  Approach swept_;                      // in the last step
+  std::vector<double> thread_seconds_;  // that each thread has worked on steps since the list was made
   ExactSum energy_left_;
   WallSums wall_sums_;
   std::vector<bool> has_map_;  // of each surface; empty: none has

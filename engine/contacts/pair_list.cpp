@@ -20,6 +20,10 @@ constexpr std::int32_t min_grains_per_thread = 64;
 /// Work of a grain beside its pairs, in pairs.
 constexpr std::int64_t grain_work = 4;
 
+/// The gap between grains of a band's pairs at the rebuild is at least this share of the rooms of both. Touching pairs are in the first band; where
+/// grains move little, the others are never looked at.
+constexpr std::array<double, n_bands> band_share = {0.0, 0.125, 0.25, 0.5, 0.75};
+
 constexpr std::int64_t round_up(std::int64_t k) { return (k + pair_group - 1) / pair_group * pair_group; }
 
 std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
@@ -90,23 +94,33 @@ struct PairList::SearchPlace {
   const SizeGrids& sizes;
   std::span<const GhostCopy> ghosts;
   std::span<const Vec3> image_shift;  // empty where nothing is periodic
-  double skin;                        // [m]
+  double skin, range;                 // [m]
+  std::span<const double> rooms;      // [m] of each grain; empty: half the skin, as ghosts have
   std::vector<std::uint8_t> own_images;
+
+  double room(std::int32_t i) const { return at(i) < rooms.size() ? rooms[at(i)] : 0.5 * skin; }
 };
 
 void PairList::build(const Particles& particles, const Cells& cells, const SizeGrids& sizes,
                      std::span<const GhostCopy> ghosts, std::span<const Vec3> image_shift, double skin,
-                     const PairNeeds& needs, std::span<const std::int32_t> was_at, PairCarry& carry, int n_threads) {
+                     std::span<const double> rooms, const PairNeeds& needs, std::span<const std::int32_t> was_at,
+                     PairCarry& carry, int n_threads) {
   carry.sort_long_rows();
   const std::int32_t n = particles.size();
   const int n_active = std::max(1, std::min(n_threads, n / min_grains_per_thread));
-  range_ = needs.range;
-  set_bands(skin);
   furthest_in_ring_ = cells.furthest_in_column();
   const double reach = sizes.size() > 0 ? sizes.reach() : cells.reach();
-  search({particles, cells, sizes, ghosts, needs.has_images ? image_shift : std::span<const Vec3>{}, skin + range_,
-          needs.has_images ? near_own_images(cells, reach, image_shift) : std::vector<std::uint8_t>{}},
-         n_active);
+  const SearchPlace place = {
+      particles,
+      cells,
+      sizes,
+      ghosts,
+      needs.has_images ? image_shift : std::span<const Vec3>{},
+      skin,
+      needs.range,
+      rooms,
+      needs.has_images ? near_own_images(cells, reach, image_shift) : std::vector<std::uint8_t>{}};
+  search(place, n_active);
   cut(n, n_active);
   is_deferred_.assign(at(n), 0);
   cross_.assign(at(n_active), {});
@@ -114,7 +128,7 @@ void PairList::build(const Particles& particles, const Cells& cells, const SizeG
   parallel(n_active, [&](int thread) {
     mark_deferred(thread);
     barrier();
-    lay_out(particles, image_shift, needs, was_at, carry, thread);
+    lay_out(place, needs, was_at, carry, thread);
   });
   for (std::size_t t = 0; t < at(n_active); ++t) kept_base_[t + 1] += kept_base_[t];
   kept_.resize_discarding(at(std::int64_t{kept_base_.back()} * needs.slot_size) * number_size(needs.is_mixed));
@@ -127,7 +141,7 @@ void PairList::search(const SearchPlace& place, int n_threads) {
   const Particles& particles = place.particles;
   const bool is_by_size = place.sizes.size() > 0;
   const std::int32_t n = particles.size();
-  // Coordinates in arrays of their own for the filter, with room for a vector behind the last.
+  // Coordinates in arrays of their own for the filter, with radii that contain the rooms, and place for a vector behind the last.
   const std::size_t row = at(n) + 8;
   AlignedArray<double> coordinates;
   if (!is_by_size) coordinates.resize_discarding(4 * row);
@@ -147,8 +161,10 @@ void PairList::search(const SearchPlace& place, int n_threads) {
       put_in_order(place, thread, n_threads);
       return;
     }
-    for (std::int64_t i = share.begin; i < share.end; ++i)
+    for (std::int64_t i = share.begin; i < share.end; ++i) {
       for (int c = 0; c < 4; ++c) values[static_cast<std::size_t>(c) * row + at(i)] = particles.record(i)[c];
+      values[3 * row + at(i)] += place.room(static_cast<std::int32_t>(i));
+    }
     if (thread == 0)
       for (std::size_t c = 0; c < 4; ++c) std::fill_n(values + c * row + at(n), 8, 0.0);
     barrier();
@@ -162,7 +178,7 @@ void PairList::search(const SearchPlace& place, int n_threads) {
 /// The images in which grain i is near itself.
 void PairList::search_own_images(const SearchPlace& place, std::int32_t i, std::vector<std::uint8_t>& images) const {
   images.clear();
-  const double limit = 2.0 * place.particles.radius(i) + place.skin;
+  const double limit = 2.0 * place.particles.radius(i) + place.skin + place.range;
   for (const std::uint8_t code : place.own_images)
     if (squared_length(place.image_shift[code]) < limit * limit) images.push_back(code);
 }
@@ -184,11 +200,12 @@ void PairList::search_in_order(const SearchPlace& place, const Spheres& spheres,
     chunk.n_tested += run.grains.size();
     return filter(spheres, run.grains, seen, reach, found.data());
   };
+  Cells::Walk walk(place.cells);
   for (std::int32_t i = chunk.grain_begin; i < chunk.grain_end; ++i) {
     const Vec3 centre = particles.position(i);
-    const double reach = particles.radius(i) + place.skin;
+    const double reach = particles.radius(i) + place.room(i) + place.range;
     Cells::Run runs[Cells::max_runs];
-    const int n_runs = place.cells.runs_after(i, centre, runs);
+    const int n_runs = walk.runs_after(i, centre, runs);
     for (int r = 0; r < n_runs; ++r) {
       const int n_found = near(runs[r], centre, reach);
       chunk.j.insert(chunk.j.end(), found.begin(), found.begin() + n_found);
@@ -207,7 +224,7 @@ void PairList::search_in_order(const SearchPlace& place, const Spheres& spheres,
     const GhostCopy& copy = place.ghosts[at(g)];
     place.cells.runs_within(copy.position, place.cells.reach(), runs);
     for (const Cells::Run& run : runs) {
-      const int n_found = near(run, copy.position, particles.radius(copy.ghost) + place.skin);
+      const int n_found = near(run, copy.position, particles.radius(copy.ghost) + place.room(copy.ghost) + place.range);
       // The run's image is that of the grains seen from the ghost.
       const std::uint8_t code = image::inverse(image::sum(copy.image, run.image));
       for (int k = 0; k < n_found; ++k) chunk.border.push_back({found[at(k)], copy.ghost, code});
@@ -233,8 +250,8 @@ void PairList::search_by_size(const SearchPlace& place, int thread, int n_thread
   const Range ghosts = share_of(static_cast<std::int64_t>(place.ghosts.size()), thread, n_threads);
   for (std::int64_t g = ghosts.begin; g < ghosts.end; ++g) {
     const GhostCopy& copy = place.ghosts[at(g)];
-    place.sizes.for_each_near(copy.position, particles.radius(copy.ghost) + place.skin, place.sizes.size(), scratch,
-                              [&](std::int32_t j, std::uint8_t code) {
+    place.sizes.for_each_near(copy.position, particles.radius(copy.ghost) + place.skin + place.range,
+                              place.sizes.size(), scratch, [&](std::int32_t j, std::uint8_t code) {
                                 chunk.border.push_back({j, copy.ghost, image::inverse(image::sum(copy.image, code))});
                               });
   }
@@ -261,6 +278,33 @@ void PairList::put_in_order(const SearchPlace& place, int thread, int n_threads)
   });
 }
 
+double PairList::end_of_share(std::size_t thread) const {
+  return ends_.size() == threads_.size() ? ends_[thread]
+                                         : static_cast<double>(thread + 1) / static_cast<double>(threads_.size());
+}
+
+/// Within a share all counted work is taken to cost the same. Half the way, as times are noisy.
+void PairList::note_times(std::span<const double> seconds) {
+  const std::size_t n = threads_.size();
+  const double total = std::accumulate(seconds.begin(), seconds.end(), 0.0);
+  if (seconds.size() != n || n < 2 || !(total > 0.0)) return;
+  std::vector<double> ends(n);
+  double begin = 0.0, before = 0.0;  // of the share: in counted work, in time
+  std::size_t next = 0;
+  for (std::size_t t = 0; t < n; ++t) {
+    const double end = end_of_share(t), after = before + seconds[t];
+    for (; next + 1 < n && static_cast<double>(next + 1) * total <= after * static_cast<double>(n); ++next) {
+      const double wanted = static_cast<double>(next + 1) * total / static_cast<double>(n);
+      ends[next] = begin + (end - begin) * (seconds[t] > 0.0 ? (wanted - before) / seconds[t] : 1.0);
+    }
+    begin = end;
+    before = after;
+  }
+  for (std::size_t t = 0; t + 1 < n; ++t) ends[t] = 0.5 * (ends[t] + end_of_share(t));
+  ends[n - 1] = 1.0;
+  ends_ = std::move(ends);
+}
+
 void PairList::cut(std::int32_t n_grains, int n_threads) {
   threads_.resize(at(n_threads));
   std::int64_t total = std::int64_t{n_grains} * grain_work;
@@ -275,7 +319,8 @@ void PairList::cut(std::int32_t n_grains, int n_threads) {
   threads_[0].grain_begin = 0;
   for (const RawChunk& chunk : raw_)
     for (std::int32_t i = chunk.grain_begin; i < chunk.grain_end; ++i) {
-      while (thread + 1 < n_threads && work * n_threads >= total * (thread + 1)) {
+      while (thread + 1 < n_threads &&
+             static_cast<double>(work) >= static_cast<double>(total) * end_of_share(at(thread))) {
         threads_[at(thread)].grain_end = i;
         threads_[at(++thread)].grain_begin = i;
       }
@@ -306,21 +351,21 @@ void PairList::mark_deferred(int thread) {
       std::atomic_ref(is_deferred_[at(pair.i)]).store(1, std::memory_order_relaxed);
 }
 
-void PairList::set_bands(double skin) {
-  // Touching pairs are in the first; where grains move little, the others are never looked at.
-  constexpr std::array<double, n_bands> of_skin = {0.0, 0.125, 0.25, 0.5, 0.75};
-  for (std::size_t band = 1; band < n_bands; ++band) band_gap_[band] = range_ + of_skin[band] * skin;
-}
-
-std::int64_t PairList::far_begin(const BandBegins& bands, std::int64_t end, double approach) const {
-  const double closed = approach * (1.0 + 1e-9);
+std::int64_t PairList::far_begin(const BandBegins& bands, std::int64_t end, double used) {
   for (std::size_t band = 1; band < n_bands; ++band)
-    if (closed < band_gap_[band] * (1.0 - 1e-9) - range_) return std::min(round_up(bands[band - 1]), end);
+    if (used * (1.0 + 1e-9) < band_share[band] * (1.0 - 1e-9)) return std::min(round_up(bands[band - 1]), end);
   return end;
 }
 
-void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_shift, const PairNeeds& needs,
-                       std::span<const std::int32_t> was_at, const PairCarry& carry, int thread) {
+double PairList::next_opening(double used) {
+  for (const double share : band_share)
+    if (share > used) return share;
+  return 1.0;
+}
+
+void PairList::lay_out(const SearchPlace& place, const PairNeeds& needs, std::span<const std::int32_t> was_at,
+                       const PairCarry& carry, int thread) {
+  const Particles& particles = place.particles;
   ThreadPairs& mine = threads_[at(thread)];
   std::int64_t n_raw = 0;
   for_each_raw(mine.grain_begin, mine.grain_end, [&](std::int32_t, std::int32_t, std::uint8_t) { ++n_raw; });
@@ -390,11 +435,12 @@ void PairList::lay_out(const Particles& particles, std::span<const Vec3> image_s
   };
   const auto band_of = [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
     Vec3 separation = particles.position(i) - particles.position(j);
-    if (code) separation = separation + image_shift[code];
-    const double squared = squared_length(separation), radii = particles.radius(i) + particles.radius(j);
+    if (code) separation = separation + place.image_shift[code];
+    const double squared = squared_length(separation), radii = particles.radius(i) + particles.radius(j) + place.range;
+    const double rooms = place.room(i) + place.room(j);
     std::size_t band = n_bands - 1;
     for (; band > 0; --band) {
-      const double distance = radii + band_gap_[band];
+      const double distance = radii + band_share[band] * rooms;
       if (squared >= distance * distance) break;
     }
     // A contact that has just ended is swept once more, in the very next step, wherever its grains are: what its spring still held goes

@@ -173,12 +173,16 @@ struct PairNeeds {
 
 class PairList {
  public:
-  /// Pairs of grains nearer than the sum of their radii plus skin (and the range of their attraction). The grains must be sorted as in `cells`; `was_at` gives the
+  /// Pairs of grains nearer than the sum of their radii and their `rooms` (and the range of their attraction), and of grains with ghosts
+  /// nearer than that of their radii and the skin, or of all where `rooms` is empty. The grains must be sorted as in `cells`; `was_at` gives the
   /// place that each had before (to find its memory in `carry`, whose long rows are sorted for it). Where there are several classes of sizes, `sizes` has the cells for the
   /// search, and `cells` only the order; otherwise it is empty.
   void build(const Particles& particles, const Cells& cells, const SizeGrids& sizes, std::span<const GhostCopy> ghosts,
-             std::span<const Vec3> image_shift, double skin, const PairNeeds& needs,
+             std::span<const Vec3> image_shift, double skin, std::span<const double> rooms, const PairNeeds& needs,
              std::span<const std::int32_t> was_at, PairCarry& carry, int n_threads);
+  /// How long each thread has taken to advance its share since the list was made [s]: the next list is cut so that all take the same time. Pairs
+  /// are not alike: many touch in one place and few in another.
+  void note_times(std::span<const double> seconds);
   /// Grains that the search for the present list has tested for being near one.
   std::int64_t n_tested() const { return n_tested_; }
   /// The memory of all pairs that have a force, by present places. `is_leaving` marks the grains that go to other ranks (empty: none): pairs of
@@ -193,9 +197,11 @@ class PairList {
   std::vector<ThreadPairs>& threads() { return threads_; }
   const std::vector<ThreadPairs>& threads() const { return threads_; }
   std::byte* kept_slots() { return kept_.data(); }
-  /// Pairs of the bands from here to `end` cannot touch as long as the grains of no pair have come nearer than by `approach` [m] since the
-  /// rebuild. A kept slot of theirs is zero until they are swept for the first time.
-  std::int64_t far_begin(const BandBegins& bands, std::int64_t end, double approach) const;
+  /// Pairs of the bands from here to `end` cannot touch as long as no two grains have come nearer by more than this share of the rooms of
+  /// both since the rebuild. A kept slot of theirs is zero until they are swept for the first time.
+  static std::int64_t far_begin(const BandBegins& bands, std::int64_t end, double used);
+  /// The share at which the next band opens, or the list ends.
+  static double next_opening(double used);
   /// Number of pairs in the list.
   std::int64_t size() const;
   std::size_t memory() const;
@@ -234,9 +240,10 @@ class PairList {
   void put_in_order(const SearchPlace& place, int thread, int n_threads);
   void search_own_images(const SearchPlace& place, std::int32_t i, std::vector<std::uint8_t>& images) const;
   void cut(std::int32_t n_grains, int n_threads);
+  double end_of_share(std::size_t thread) const;
   void mark_deferred(int thread);
-  void lay_out(const Particles& particles, std::span<const Vec3> image_shift, const PairNeeds& needs,
-               std::span<const std::int32_t> was_at, const PairCarry& carry, int thread);
+  void lay_out(const SearchPlace& place, const PairNeeds& needs, std::span<const std::int32_t> was_at,
+               const PairCarry& carry, int thread);
   void index_entries(const Particles& particles, const PairNeeds& needs, int thread);
   template <typename Function>
   void for_each_raw(std::int32_t begin, std::int32_t end, Function f) const;
@@ -269,12 +276,9 @@ class PairList {
     std::uint8_t image;  // as stored
     bool is_b;           // grain is b
   };
-  void set_bands(double skin);
 
-  std::array<double, n_bands> band_gap_{};  // [m] least gap between the grains of each band's pairs
   std::int32_t furthest_in_ring_ =
-      0;                // places from the first to the second grain of a pair whose slot goes to the ring
-  double range_ = 0.0;  // [m] as PairNeeds has it
+      0;  // places from the first to the second grain of a pair whose slot goes to the ring
   std::vector<RawChunk> raw_;
   std::vector<std::vector<FoundPair>> found_;  // by the thread that found them
   std::int64_t n_tested_ = 0;
@@ -283,6 +287,7 @@ class PairList {
   std::vector<std::uint32_t> kept_base_;       // first kept slot of each thread
   std::vector<std::uint8_t> is_deferred_;
   std::vector<ThreadPairs> threads_;
+  std::vector<double> ends_;  // of the threads' shares, of all counted work; other than n threads: all have the same
   AlignedArray<std::byte> kept_;
 };
 

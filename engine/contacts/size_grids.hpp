@@ -86,13 +86,14 @@ void SizeGrids::for_each_pair(const Particles& particles, int thread, int n_thre
   for (int size_class = 0; size_class < size(); ++size_class) {
     const Grid& grid = grids_[static_cast<std::size_t>(size_class)];
     const auto n = static_cast<std::int64_t>(grid.grains.size());
+    Cells::Walk walk(grid.cells);
     for (std::int64_t q = n * thread / n_threads; q < n * (thread + 1) / n_threads; ++q) {
       const std::int32_t i = grid.grains[static_cast<std::size_t>(q)];
       const Vec3 centre = particles.position(i);
       const double reach = particles.radius(i) + skin_;
       const auto found = [&](std::int32_t j, std::uint8_t image) { f(i, j, image); };
       Cells::Run runs[Cells::max_runs];
-      const int n_runs = grid.cells.runs_after(static_cast<std::int32_t>(q), centre, runs);
+      const int n_runs = walk.runs_after(static_cast<std::int32_t>(q), centre, runs);
       for (int r = 0; r < n_runs; ++r) filter(grid, runs[r], centre, reach, scratch, found);
       for_each_near(centre, reach, size_class, scratch, found);
     }

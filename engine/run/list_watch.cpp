@@ -33,8 +33,8 @@ double room_beside_image(const Scene& scene, double largest_radius, double range
 ListWatch::ListWatch(const Scene& scene, const Plan& plan, const GrainKind& kind, double range, bool is_alone,
                      std::uint64_t step)
     : dt_(plan.time_step.step),
-      mean_diameter_(10.0 * plan.skin),
-      widest_(widest_skin(scene, plan)),
+      mean_diameter_(plan.mean_diameter),
+      widest_((is_alone && kind.sizes.size() == 1 ? 2.0 : 1.0) * widest_skin(scene, plan)),
       room_(room_beside_image(scene, kind.largest_radius, range)),
       is_skin_given_(scene.run.skin > 0.0),
       speed_gain_(speed_gain(kind.mass_ratio)),
@@ -47,10 +47,14 @@ ListWatch::ListWatch(const Scene& scene, const Plan& plan, const GrainKind& kind
 /// The skin is a matter of speed only. A rebuild costs about as much as nine steps, and a wider skin s adds about 1.1 s/d to
 /// their cost (d the mean diameter; pairs that are too far apart to touch are not swept); with N steps between rebuilds, N in
 /// proportion to s, the sum 9/N + 1.1 s/d is least at N s/d = 8, which each rebuild moves towards.
+///
+/// Alone, where each grain has room for its own motion, that of the fastest decides.
 void ListWatch::begin_rebuild() {
   ++n_rebuilds_;
   if (is_skin_given_ || n_rebuilds_ <= 1 || steps_since_rebuild_ == 0) return;
-  const double wanted = std::sqrt(8.0 * mean_diameter_ / (static_cast<double>(steps_since_rebuild_) * skin_));
+  const double wanted = wanted_skin_ > 0.0
+                            ? wanted_skin_ / skin_
+                            : std::sqrt(8.0 * mean_diameter_ / (static_cast<double>(steps_since_rebuild_) * skin_));
   skin_ = std::min(std::clamp(skin_ * std::clamp(wanted, 0.7, 1.4), 0.01 * mean_diameter_, widest_), room_);
 }
 
@@ -61,6 +65,13 @@ void ListWatch::note_rebuild(const ListView& now) {
   steps_since_rebuild_ = 0;
   if (has_wall_changed(now.time)) last_surprise_ = now.step;
   next_wall_change_ = now.walls.next_change(now.time);
+  wanted_skin_ = is_alone_ ? now.contacts.wanted_skin() : 0.0;
+}
+
+/// With grains that have room of their own the skin may be wide; walls are looked for as often as before.
+ListWidth ListWatch::width() const {
+  const bool is_even = !is_alone_ || is_skin_given_;
+  return {skin_, is_even ? skin_ : std::min(skin_, 0.4 * mean_diameter_), dt_, mean_diameter_, is_even};
 }
 
 void ListWatch::note_wall_search() {
@@ -83,20 +94,16 @@ bool ListWatch::is_rebuild_better(double n_steps) const {
   return n_steps < std::max(1.0, 0.125 * static_cast<double>(steps_since_rebuild_));
 }
 
-bool ListWatch::is_used_up(const ListView& now) {
-  if (travelled_ <= allowed_travel()) return false;
-  now.stopwatch.start(Phase::look, now.n_threads);
-  const double left = 0.95 * allowed_travel() - measure(now);
-  return !(left > 0.0) || is_rebuild_better(left / (now.max_speed * dt_));
-}
-
 /// Candidates are good until walls or grains have used up the room that they were given.
 bool ListWatch::must_search_walls(const ListView& now) {
   if (now.walls.is_any_moving() && now.walls.wander() > allowed_wander()) return true;
   if (now.walls.surfaces().empty() || travelled_to_walls_ <= allowed_travel_to_walls()) return false;
   if (are_walls_of_rebuild_) {
     now.stopwatch.start(Phase::look, now.n_threads);
-    measure(now);
+    if (is_alone_)
+      travelled_to_walls_ = now.contacts.furthest(now.particles, now.n_threads);
+    else
+      measure(now);
   }
   return travelled_to_walls_ > allowed_travel_to_walls();
 }
@@ -170,7 +177,7 @@ bool ListWatch::note_step(const ListView& now) {
     const bool is_mine = travelled_ > allowed_travel() && travelled_ >= heard;  // one rank speaks
     if (is_mine && travelled_ + heard > 2.0 * allowed_travel()) return false;
   }
-  travelled_ += now.max_speed * dt_;
+  travelled_ = is_alone_ ? 0.5 * skin_ * now.used_room : travelled_ + now.max_speed * dt_;
   travelled_to_walls_ += now.max_speed * dt_;
   if (is_alone_) return true;
   const double fastest = std::max(now.max_speed, now.contacts.ghosts().heard().max_speed) + wall_speed_;

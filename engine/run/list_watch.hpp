@@ -23,6 +23,7 @@ struct ListView {
   std::uint64_t step = 0;
   double time = 0.0;       // [s]
   double max_speed = 0.0;  // [m/s] of this rank's grains in the last step
+  double used_room = 0.0;  // [-] the largest share of a grain's room (Rooms) after the last step; only alone
   int n_threads = 1;
 };
 
@@ -47,7 +48,9 @@ class ListWatch {
   /// No skin becomes wider than that, but the one that it is built with [m].
   void bound_skin(double widest) { widest_ = std::max(skin_, std::min(widest_, widest)); }
   double skin() const { return skin_; }  // [m] of the list; of the next one from begin_rebuild() on
-  /// No two grains of this rank have come nearer to each other than by twice this since the rebuild, as Travelled::of_pairs() [m].
+  ListWidth width() const;
+  /// No two grains of this rank have come nearer to each other than by twice this since the rebuild, as Travelled::of_pairs() [m]; alone the
+  /// share of its room that any has used, of half the skin.
   double travelled() const { return travelled_; }
   std::uint64_t n_rebuilds() const { return n_rebuilds_; }
   std::uint64_t n_wall_searches() const { return n_wall_searches_; }
@@ -60,8 +63,8 @@ class ListWatch {
   bool has_wall_changed(double time) const { return time >= next_wall_change_; }
   /// True where it must be rebuilt, however little has moved.
   bool is_old(double time) const { return is_old_ || has_wall_changed(time); }
-  /// Alone: true where grains may meet that are not in it, or will soon.
-  bool is_used_up(const ListView& now);
+  /// Alone: true where grains may meet that are not in it.
+  bool is_used_up() const { return travelled_ > allowed_travel(); }
   /// Several ranks: true in the step in which all look, and then agree().
   bool is_look_due(const ListView& now);
   /// In others: calls for an early look where there is need of one. False where grains may have met unseen.
@@ -94,8 +97,8 @@ class ListWatch {
   double allowed_travel() const { return 0.5 * skin_ * (1.0 - 1e-9); }  // [m]
   /// How much nearer walls may come by themselves before they must be looked for anew, and how far grains may go [m]
   /// (WallContacts has room for both).
-  double allowed_wander() const { return 0.5 * skin_ * (1.0 - 1e-9); }
-  double allowed_travel_to_walls() const { return skin_ * (1.0 - 1e-9); }
+  double allowed_wander() const { return 0.5 * width().wall_skin * (1.0 - 1e-9); }
+  double allowed_travel_to_walls() const { return width().wall_skin * (1.0 - 1e-9); }
   bool is_rebuild_better(double n_steps) const;
   void tell(const ListView& now) const;
   Travelled measure_all(const ListView& now);
@@ -112,6 +115,7 @@ class ListWatch {
   bool is_alone_ = true;
 
   double skin_ = 0.0;                 // [m]
+  double wanted_skin_ = 0.0;          // [m] of the next list, by the motion at the rebuild; zero: not known
   bool is_old_ = true;                // it must be rebuilt, however little has moved
   double travelled_ = 0.0;            // [m] since the rebuild
   double travelled_to_walls_ = 0.0;   // [m] none has come further since the last search for walls

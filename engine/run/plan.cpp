@@ -110,7 +110,7 @@ double bytes_per_grain(const Scene& scene) {
   const MemoryColumns columns = memory_of(law_choice(scene));
   const double further = 8.0 * ((columns.has_rolling ? 3.0 : 0.0) + (columns.has_bond ? 1.0 : 0.0));
   const double pairs = 4.2 * (8.0 + 8.0 + (remembers ? 32.0 : 0.0) + further + 2.0);
-  return 2.0 * record + 8.0 + 2.0 + 24.0 + pairs + (remembers ? 110.0 : 0.0) + 40.0 +
+  return 2.0 * record + 8.0 + 2.0 + 36.0 + pairs + (remembers ? 110.0 : 0.0) + 40.0 +
          (scene.output.energy ? 32.0 : 0.0);
 }
 
@@ -394,7 +394,8 @@ Plan make_plan(const Scene& scene, int n_threads) {
   if (scene.gas) look_at_viscosity(scene, plan);
   const std::vector<std::int64_t> n_grains = count_groups(scene);
   plan.n_grains = static_cast<std::uint64_t>(std::accumulate(n_grains.begin(), n_grains.end(), std::int64_t{0}));
-  plan.skin = scene.run.skin > 0.0 ? scene.run.skin : 0.1 * mean_diameter_of(scene, n_grains);
+  plan.mean_diameter = mean_diameter_of(scene, n_grains);
+  plan.skin = scene.run.skin > 0.0 ? scene.run.skin : 0.1 * plan.mean_diameter;
   plan.memory = bytes_of_program + static_cast<double>(plan.n_grains) * bytes_per_grain(scene) +
                 (scene.gas ? n_gas_cells(scene) * bytes_per_cell(*scene.gas) : 0.0);
   for (const Probe& probe : scene.output.probes)

@@ -32,6 +32,7 @@ struct Plan {
   std::uint64_t gas_steps = 0;  // grain steps in a gas step; 0: no gas
   std::uint64_t n_steps = 0;
   std::uint64_t n_grains = 0;
+  double mean_diameter = 0.0;       // [m] of the grains
   double skin = 0.0;                // [m]
   double memory = 0.0;              // [bytes] estimate
   double seconds = 0.0;             // [s] estimate of the time to run

@@ -163,7 +163,9 @@ struct Simulation::Parts {
   GuardView guard_view() const {
     return {scene, particles, *contacts, walls, time(), dt, step, plan.time_step.steps_per_contact};
   }
-  ListView list_view() { return {*contacts, particles, walls, stopwatch, step, time(), result.max_speed, n_threads}; }
+  ListView list_view() {
+    return {*contacts, particles, walls, stopwatch, step, time(), result.max_speed, result.used_room, n_threads};
+  }
 
   void make_contacts();
   void advance_gas();
@@ -324,7 +326,7 @@ StepPlan Simulation::Parts::decide() {
   if (list.is_old(time())) {
     todo.rebuild = true;
   } else if (world.is_alone()) {
-    todo.rebuild = list.is_used_up(now);
+    todo.rebuild = list.is_used_up();
   } else if (list.is_look_due(now)) {
     start(Phase::look);
     todo.rebuild = look();
@@ -364,7 +366,7 @@ void Simulation::Parts::rebuild(const Births& births) {
   const double before = n_before > 0.0 ? stopwatch.seconds(Phase::rebuild) / n_before : 0.0;
   const double begin = threads::now();
   const bool is_cut = balance();
-  contacts->rebuild(particles, list.skin(), time(), n_threads, births);
+  contacts->rebuild(particles, list.width(), time(), n_threads, births);
   after_rebuild();
   if (is_cut) balancer.note_cut(step, threads::now() - begin - before);
 }
@@ -372,7 +374,7 @@ void Simulation::Parts::rebuild(const Births& births) {
 /// Walls have moved under the grains: what these may touch is looked for anew. No rank asks another.
 void Simulation::Parts::search_walls() {
   start(Phase::rebuild);
-  contacts->search_walls(particles, list.skin(), time(), n_threads);
+  contacts->search_walls(particles, list.width().wall_skin, time(), n_threads);
   walls.mark();
   list.note_wall_search();
 }
@@ -628,7 +630,7 @@ Simulation::Simulation(const Scene& scene, int n_threads, const Image& image, co
   }
   p.make_contacts();
   forget_lists(p.scene);
-  p.contacts->restore(p.particles, std::move(pairs), std::move(wall_memory), p.list.skin(), p.time(), n_threads);
+  p.contacts->restore(p.particles, std::move(pairs), std::move(wall_memory), p.list.width(), p.time(), n_threads);
   p.after_rebuild();
   p.start(Phase::observe);
 }

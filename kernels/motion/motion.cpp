@@ -142,10 +142,16 @@ MotionResult advance_grains(const GrainSums& sums, const std::int32_t* list, Ran
   return result;
 }
 
-double most_used_room(const RoomUse& use, const std::int32_t* list, Range range) {
+template <bool has_frames>
+RoomShares most_used(const RoomUse& use, const std::int32_t* list, Range range) {
   constexpr int n = n_lanes<double>;
   const Lanes<double> age(use.age);
-  Lanes<double> most(0.0);
+  Lanes<double> in_frames(0.0), at_rest(0.0);
+  const auto largest = [](Lanes<double> lanes) HWY_ATTR {
+    alignas(64) double values[n];
+    store(values, lanes);
+    return *std::max_element(values, values + n);
+  };
   for (std::int64_t k = range.begin; k < range.end; k += n) {
     const auto grain = [&](int lane) HWY_ATTR {  // the last one again where there are no more
       const std::int64_t place = std::min(k + lane, range.end - 1);
@@ -154,15 +160,21 @@ double most_used_room(const RoomUse& use, const std::int32_t* list, Range range)
     const Lanes4<double> record =
         load_records([&](int lane) HWY_ATTR { return use.records + grain(lane) * use.record_size; });
     const Lanes4<double> place = load_records([&](int lane) HWY_ATTR { return use.places + 4 * grain(lane); });
-    const Lanes4<double> frame =
-        load_records([&](int lane) HWY_ATTR { return use.frames + 4 * std::int64_t{use.frame_of[grain(lane)]}; });
-    const Lanes3<double> gone = record.xyz() - fma(age, frame.xyz(), place.xyz());
-    const Lanes<double> share = fma(age, frame.d, sqrt(dot(gone, gone))) * place.d;
-    most = select(share > most, share, most);  // one that has left lies nowhere
+    const Lanes3<double> gone = record.xyz() - place.xyz();
+    const Lanes<double> share_at_rest = sqrt(dot(gone, gone)) * place.d;
+    at_rest = select(share_at_rest > at_rest, share_at_rest, at_rest);  // one that has left lies nowhere
+    if constexpr (has_frames) {
+      const Lanes4<double> frame =
+          load_records([&](int lane) HWY_ATTR { return use.frames + 4 * std::int64_t{use.frame_of[grain(lane)]}; });
+      const Lanes3<double> apart = fnma(age, frame.xyz(), gone);
+      const Lanes<double> share_in_frames = fma(age, frame.d, sqrt(dot(apart, apart))) * place.d;
+      in_frames = select(share_in_frames > in_frames, share_in_frames, in_frames);
+    }
   }
-  alignas(64) double shares[n];
-  store(shares, most);
-  return *std::max_element(shares, shares + n);
+  return {largest(has_frames ? in_frames : at_rest), largest(at_rest)};
+}
+RoomShares most_used_room(const RoomUse& use, const std::int32_t* list, Range range) {
+  return use.frames ? most_used<true>(use, list, range) : most_used<false>(use, list, range);
 }
 RoomKernel choose_room() { return &most_used_room; }
 

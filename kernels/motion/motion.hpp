@@ -74,13 +74,21 @@ struct RoomUse {
   const double* records = nullptr;
   std::int64_t record_size = 0;            // doubles
   const double* places = nullptr;          // x0 [m] and one over its room [1/m] of each grain
-  const double* frames = nullptr;          // V and c [m/s] of each frame
+  const double* frames = nullptr;          // V and c [m/s] of each frame; nullptr: all are at rest
   const std::int32_t* frame_of = nullptr;  // of each grain
   double age = 0.0;                        // t [s] since they lay there
 };
-/// The largest share of its room that any of the grains `list[range]` has used, or of `range` itself where list is nullptr: |x - x0 - V t| + c t, over
-/// the room [-].
-using RoomKernel = double (*)(const RoomUse& use, const std::int32_t* list, Range range);
+/// The largest share of its room that any grain has used [-].
+struct RoomShares {
+  double in_frames = 0.0;  // |x - x0 - V t| + c t, over the room
+  double at_rest = 0.0;    // |x - x0|, over the room
+  void include(const RoomShares& other) {
+    in_frames = in_frames > other.in_frames ? in_frames : other.in_frames;
+    at_rest = at_rest > other.at_rest ? at_rest : other.at_rest;
+  }
+};
+/// Of the grains `list[range]`, or of `range` itself where list is nullptr.
+using RoomKernel = RoomShares (*)(const RoomUse& use, const std::int32_t* list, Range range);
 RoomKernel room_kernel();
 
 }  // namespace moraine

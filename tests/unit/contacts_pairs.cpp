@@ -77,6 +77,47 @@ TEST_CASE(
   }
 }
 
+TEST_CASE("threads whose pairs take longer get fewer of them, until all take the same time") {
+  Setting setting;
+  setting.domain = {{0, 0, 0}, {1.0, 0.3, 0.3}};
+  setting.smallest = setting.largest = 0.02;
+  setting.skin = 0.01;
+  setting.n = 3000;
+  constexpr int n_threads = 4;
+  Particles particles = random_particles(setting, 1);
+  Built built;
+  const auto seconds = [&] {  // in one corner a grain costs five times as much as elsewhere
+    std::vector<double> of_threads;
+    for (const ThreadPairs& share : built.list.threads()) {
+      double sum = 0.0;
+      for (std::int32_t i = share.grain_begin; i < share.grain_end; ++i) {
+        const double work = 4.0 + 0.5 * built.list.n_pairs_of(i);
+        sum += particles.position(i).x < 0.25 ? 5.0 * work : work;
+      }
+      of_threads.push_back(sum);
+    }
+    return of_threads;
+  };
+  const auto imbalance = [](const std::vector<double>& times) {
+    return n_threads * *std::max_element(times.begin(), times.end()) / std::accumulate(times.begin(), times.end(), 0.0);
+  };
+  build(built, particles, setting, needs_of(setting), {}, n_threads);
+  CHECK(imbalance(seconds()) > 1.5);
+  for (int rebuild = 0; rebuild < 10; ++rebuild) {
+    built.list.note_times(seconds());
+    build(built, particles, setting, needs_of(setting), {}, n_threads);
+  }
+  CHECK(imbalance(seconds()) < 1.05);
+  REQUIRE(difference(pairs_by_brute_force(particles, setting, setting.skin), pairs_of(built.list, particles)) == "");
+  // Other numbers of threads, and a thread that had nothing to do.
+  build(built, particles, setting, needs_of(setting), {}, 3);
+  built.list.note_times(std::vector<double>{1.0, 0.0, 1.0});
+  build(built, particles, setting, needs_of(setting), {}, 3);
+  REQUIRE(difference(pairs_by_brute_force(particles, setting, setting.skin), pairs_of(built.list, particles)) == "");
+  build(built, particles, setting, needs_of(setting), {}, n_threads);
+  CHECK(imbalance(seconds()) > 1.5);  // as at the start
+}
+
 TEST_CASE("sorting puts every grain in its place once and leaves out those that have left") {
   Setting setting;
   setting.domain = {{0, 0, 0}, {1, 1, 1}};

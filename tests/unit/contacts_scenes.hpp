@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <map>
 #include <numeric>
+#include <span>
 #include <tuple>
 #include <vector>
 
@@ -121,9 +122,10 @@ struct Built {
   PairList list;
 };
 
-/// Sorts the grains and makes the list, as a rebuild does.
-inline void build(Built& built, Particles& particles, const Setting& setting, const PairNeeds& needs, PairCarry carry,
-                  int n_threads) {
+/// Sorts the grains and makes the list, as a rebuild does. `rooms_of(cells)`: the room of each grain, of the sorted ones.
+template <typename RoomsOf>
+void build(Built& built, Particles& particles, const Setting& setting, const PairNeeds& needs, PairCarry carry,
+           int n_threads, RoomsOf rooms_of) {
   SizeClasses::Census radii;
   for (std::int32_t i = 0; i < particles.size(); ++i) radii.add(particles.radius(i));
   const SizeClasses classes(radii);
@@ -134,8 +136,71 @@ inline void build(Built& built, Particles& particles, const Setting& setting, co
   SizeGrids sizes;
   if (classes.size() > 1)
     sizes.build(particles, classes, setting.domain, setting.periodic, shifts, setting.skin, n_threads);
-  built.list.build(particles, built.cells, sizes, {}, shifts, setting.skin, needs, built.cells.order(), carry,
+  const std::vector<double> rooms = rooms_of(built.cells);
+  built.list.build(particles, built.cells, sizes, {}, shifts, setting.skin, rooms, needs, built.cells.order(), carry,
                    n_threads);
+}
+inline void build(Built& built, Particles& particles, const Setting& setting, const PairNeeds& needs, PairCarry carry,
+                  int n_threads) {
+  build(built, particles, setting, needs, std::move(carry), n_threads,
+        [](const Cells&) { return std::vector<double>(); });
+}
+
+/// Displaces the grains, and brings back over periodic faces those that cross: follow(i, shift) is told.
+template <typename Follow>
+void move(Particles& particles, std::span<const Vec3> by, double scale, const Setting& setting, PairList* list,
+          Follow follow) {
+  for (std::int32_t i = 0; i < particles.size(); ++i) {
+    std::array<int, 3> steps{};
+    for (int axis = 0; axis < 3; ++axis) {
+      const double low = setting.domain.low[axis], high = setting.domain.high[axis], period = high - low;
+      double x = particles.position(i)[axis] + scale * by[static_cast<std::size_t>(i)][axis];
+      if (setting.periodic[static_cast<std::size_t>(axis)])
+        steps[static_cast<std::size_t>(axis)] = x < low ? 1 : x >= high ? -1 : 0;
+      x += steps[static_cast<std::size_t>(axis)] * period;
+      particles.set_real(Field::position, i, axis, x);
+    }
+    const Vec3 period = setting.domain.size();
+    follow(i, Vec3{steps[0] * period.x, steps[1] * period.y, steps[2] * period.z});
+    if (list && (steps[0] || steps[1] || steps[2])) list->shift_images(i, steps);
+  }
+}
+
+/// Grains of half to all of a radius in domains of many shapes, periodic in all ways.
+inline std::vector<Setting> settings_of_all_shapes() {
+  std::vector<Setting> all;
+  for (const Vec3 size : {Vec3{1.0, 1.1, 1.2}, Vec3{0.9, 0.31, 0.3}, Vec3{2.0, 0.25, 0.45}, Vec3{0.33, 0.34, 0.35}})
+    for (int mask = 0; mask < 8; ++mask) {
+      Setting setting;
+      setting.domain = {{-0.3, 0.1, 7.0}, Vec3{-0.3, 0.1, 7.0} + size};
+      setting.periodic = {(mask & 1) != 0, (mask & 2) != 0, (mask & 4) != 0};
+      setting.largest = size.y > 0.5 ? 0.05 : 0.03;
+      setting.smallest = 0.5 * setting.largest;
+      setting.skin = 0.2 * setting.largest;
+      setting.n = 220;
+      all.push_back(setting);
+    }
+  return all;
+}
+
+/// How grains move: all alike, as a body that shears and turns, each by itself, each as others do but a few, one half towards the other.
+enum class Flow { together, sheared, apart, few, halves };
+inline constexpr Flow all_flows[] = {Flow::together, Flow::sheared, Flow::apart, Flow::few, Flow::halves};
+
+inline Vec3 moved(Flow flow, Vec3 place, const Setting& setting, const std::array<Vec3, 4>& chosen,
+                  shapes::Dice& dice) {
+  const Vec3 noise = dice.point({-1, -1, -1}, {1, 1, 1});
+  const Vec3 from_middle = place - 0.5 * (setting.domain.low + setting.domain.high);
+  switch (flow) {
+    case Flow::together: return chosen[0];
+    case Flow::sheared:
+      return chosen[0] +
+             10.0 * Vec3{dot(chosen[1], from_middle), dot(chosen[2], from_middle), dot(chosen[3], from_middle)};
+    case Flow::apart: return noise;
+    case Flow::few: return dice.uniform(0, 1) < 0.1 ? 3.0 * noise : chosen[0];
+    case Flow::halves: return {from_middle.x < 0.0 ? 1.0 : -1.0, 0.0, 0.0};
+  }
+  return {};
 }
 
 inline PairNeeds needs_of(const Setting& setting) {

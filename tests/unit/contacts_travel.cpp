@@ -9,56 +9,9 @@ using namespace moraine::contacts_test;
 
 namespace {
 
-/// How grains move: all alike, as a body that shears and turns, each by itself, each as others do but a few.
-enum class Flow { together, sheared, apart, few };
-
-Vec3 moved(Flow flow, Vec3 place, const Setting& setting, const std::array<Vec3, 4>& chosen, shapes::Dice& dice) {
-  const Vec3 noise = dice.point({-1, -1, -1}, {1, 1, 1});
-  const Vec3 from_middle = place - 0.5 * (setting.domain.low + setting.domain.high);
-  switch (flow) {
-    case Flow::together: return chosen[0];
-    case Flow::sheared:
-      return chosen[0] +
-             10.0 * Vec3{dot(chosen[1], from_middle), dot(chosen[2], from_middle), dot(chosen[3], from_middle)};
-    case Flow::apart: return noise;
-    case Flow::few: return dice.uniform(0, 1) < 0.1 ? 3.0 * noise : chosen[0];
-  }
-  return {};
-}
-
-/// Displaces the grains, and brings back over periodic faces those that cross.
 void move(Particles& particles, std::span<const Vec3> by, double scale, const Setting& setting, TravelWatch& travel,
           PairList* list) {
-  for (std::int32_t i = 0; i < particles.size(); ++i) {
-    std::array<int, 3> steps{};
-    for (int axis = 0; axis < 3; ++axis) {
-      const double low = setting.domain.low[axis], high = setting.domain.high[axis], period = high - low;
-      double x = particles.position(i)[axis] + scale * by[static_cast<std::size_t>(i)][axis];
-      if (setting.periodic[static_cast<std::size_t>(axis)])
-        steps[static_cast<std::size_t>(axis)] = x < low ? 1 : x >= high ? -1 : 0;
-      x += steps[static_cast<std::size_t>(axis)] * period;
-      particles.set_real(Field::position, i, axis, x);
-    }
-    const Vec3 period = setting.domain.size();
-    travel.follow(i, {steps[0] * period.x, steps[1] * period.y, steps[2] * period.z});
-    if (list && (steps[0] || steps[1] || steps[2])) list->shift_images(i, steps);
-  }
-}
-
-std::vector<Setting> settings() {
-  std::vector<Setting> all;
-  for (const Vec3 size : {Vec3{1.0, 1.1, 1.2}, Vec3{0.9, 0.31, 0.3}, Vec3{2.0, 0.25, 0.45}, Vec3{0.33, 0.34, 0.35}})
-    for (int mask = 0; mask < 8; ++mask) {
-      Setting setting;
-      setting.domain = {{-0.3, 0.1, 7.0}, Vec3{-0.3, 0.1, 7.0} + size};
-      setting.periodic = {(mask & 1) != 0, (mask & 2) != 0, (mask & 4) != 0};
-      setting.largest = size.y > 0.5 ? 0.05 : 0.03;
-      setting.smallest = 0.5 * setting.largest;
-      setting.skin = 0.2 * setting.largest;
-      setting.n = 220;
-      all.push_back(setting);
-    }
-  return all;
+  move(particles, by, scale, setting, list, [&](std::int32_t i, Vec3 shift) { travel.follow(i, shift); });
 }
 
 constexpr Box everywhere = {{-infinity, -infinity, -infinity}, {infinity, infinity, infinity}};
@@ -70,8 +23,8 @@ TEST_CASE(
   std::uint64_t seed = 1;
   int n_far = 0;
   std::size_t n_new = 0;
-  for (const Setting& setting : settings())
-    for (const Flow flow : {Flow::together, Flow::sheared, Flow::apart, Flow::few})
+  for (const Setting& setting : settings_of_all_shapes())
+    for (const Flow flow : all_flows)
       for (const int n_threads : {1, 3}) {
         INFO("seed " << seed);
         shapes::Dice dice(++seed);
@@ -106,7 +59,7 @@ TEST_CASE(
 }
 
 TEST_CASE("what moves together may go as far as half a cell") {
-  Setting setting = settings().front();
+  Setting setting = settings_of_all_shapes().front();
   Particles particles = random_particles(setting, 5);
   Built built;
   build(built, particles, setting, needs_of(setting), {}, 1);

@@ -145,15 +145,25 @@ TEST_CASE("the share of their room that grains have used is the largest, as plai
         for (int k = 0; k < 3; ++k) square += std::pow(x[k] - place[k] - age * frame[k], 2);
         return (std::sqrt(square) + age * frame[3]) * place[3];
       };
-      double of_all = 0.0, of_list = 0.0;
-      for (int i = 0; i < n; ++i)
-        if (share(i) > of_all) of_all = share(i);
-      for (const int i : list)
-        if (share(i) > of_list) of_list = share(i);
+      const auto share_at_rest = [&](int i) {
+        double square = 0.0;
+        for (int k = 0; k < 3; ++k) square += std::pow(records.data()[i * stride + k] - places.data()[4 * i + k], 2);
+        return std::sqrt(square) * places.data()[4 * i + 3];
+      };
+      RoomShares of_all, of_list;
+      const auto include = [&](RoomShares& most, int i) {
+        if (share(i) > most.in_frames) most.in_frames = share(i);
+        if (share_at_rest(i) > most.at_rest) most.at_rest = share_at_rest(i);
+      };
+      for (int i = 0; i < n; ++i) include(of_all, i);
+      for (const int i : list) include(of_list, i);
       const RoomUse use = {records.data(), stride, places.data(), frames.data(), frame_of.data(), age};
-      CHECK(room_kernel()(use, nullptr, {0, n}) == Approx(of_all).epsilon(1e-14));
-      CHECK(room_kernel()(use, list.data(), {0, static_cast<std::int64_t>(list.size())}) ==
-            Approx(of_list).epsilon(1e-14));
+      const RoomShares all = room_kernel()(use, nullptr, {0, n});
+      CHECK(all.in_frames == Approx(of_all.in_frames).epsilon(1e-14));
+      CHECK(all.at_rest == Approx(of_all.at_rest).epsilon(1e-14));
+      const RoomShares some = room_kernel()(use, list.data(), {0, static_cast<std::int64_t>(list.size())});
+      CHECK(some.in_frames == Approx(of_list.in_frames).epsilon(1e-14));
+      CHECK(some.at_rest == Approx(of_list.at_rest).epsilon(1e-14));
     }
 }
 
