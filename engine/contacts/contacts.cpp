@@ -51,7 +51,6 @@ Contacts::Contacts(const Scene& scene, const Walls& walls, const GrainKind& kind
       choice_(choose_laws(scene, kind.is_uniform && laws_.n_pair_species == 1)),  // uniform: all pairs go by row 0
       kernels_(contact_kernels(choice_)),
       motion_(motion_kernel(choice_.has_rotation, choice_.has_ledger, choice_.has_further(), choice_.is_mixed)),
-      room_use_(room_kernel()),
       mass_unit_(choice_.is_mixed ? mass_unit_for(kind.largest_mass) : 1.0),
       pair_table_(in_units_of_mass(laws_.pairs, mass_unit_)),
       wall_table_(in_units_of_mass(laws_.walls, mass_unit_)),
@@ -279,7 +278,6 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   sums.force = particles.force();
   sums.push = push_ ? push_ : particles.gas_acceleration();
   sums.torque = particles.torque();
-  const RoomUse room_use = rooms_.use(particles, age_);
 
   StepResult& result = step.result;
   if (measures_walls_) step.walls.pushes.resize(walls_->servo_walls().size());
@@ -311,7 +309,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
     if (range.empty()) return;
     const MotionResult moved = motion_(sums, list, range);
     speed_squared = std::max(speed_squared, moved.max_speed_squared);
-    if (world_.is_alone() && measures_rooms_) step.used.include(room_use_(room_use, list, range));
+    if (world_.is_alone() && measures_rooms_) step.used.include(rooms_.measure(particles, age_, list, range));
     result.is_any_not_finite = result.is_any_not_finite || moved.is_any_not_finite;
     if (!moved.is_any_outside) return;
     for (std::int64_t n = range.begin; n < range.end; ++n) {

@@ -229,7 +229,6 @@ class Contacts {
   LawChoice choice_;
   ContactKernels kernels_;
   MotionKernel motion_;
-  RoomKernel room_use_;
   double mass_unit_;  // [kg] with mixed precision, of the tables and of what pairs give
   LawTable pair_table_, wall_table_;
   double uniform_inverse_mass_;

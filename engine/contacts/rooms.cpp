@@ -352,6 +352,12 @@ void Rooms::follow(std::int32_t i, Vec3 shift) {
   for (int axis = 0; axis < 3; ++axis) places_[4 * at(i) + at(axis)] += shift[axis];
 }
 
+RoomShares Rooms::measure(const Particles& particles, double age, const std::int32_t* list, Range range) const {
+  static const RoomKernel kernel = room_kernel();
+  return kernel({particles.records(), particles.stride(), places_.data(), frames_.data(), frame_of_.data(), age}, list,
+                range);
+}
+
 RoomShares Rooms::measure(const Particles& particles, double age, int n_threads) const {
   struct OfThread {
     RoomShares shares;
@@ -360,7 +366,7 @@ RoomShares Rooms::measure(const Particles& particles, double age, int n_threads)
   std::vector<OfThread> of_threads(at(n_threads));
   parallel(n_threads, [&](int thread) {
     const Range share = share_of(particles.size(), thread, n_threads);
-    if (!share.empty()) of_threads[at(thread)].shares = room_kernel()(use(particles, age), nullptr, share);
+    if (!share.empty()) of_threads[at(thread)].shares = measure(particles, age, nullptr, share);
   });
   RoomShares all;
   for (const OfThread& one : of_threads) all.include(one.shares);

@@ -18,6 +18,7 @@
 #include "engine/contacts/cells.hpp"
 #include "engine/particles/aligned_array.hpp"
 #include "engine/particles/particles.hpp"
+#include "kernels/base/range.hpp"
 #include "kernels/motion/motion.hpp"
 
 namespace moraine {
@@ -49,15 +50,13 @@ class Rooms {
   /// No grain has come further since then, from its place [m].
   double furthest(const Particles& particles, int n_threads) const;
 
-  /// For kernels/motion, which sees what share of its room each grain has used at that age [s].
-  RoomUse use(const Particles& particles, double age) const {
-    return {particles.records(), particles.stride(), places_.data(), frames_.data(), frame_of_.data(), age};
-  }
-  /// What it sees of all grains.
+  /// What the grains `list[range]`, or those of `range` itself where list is nullptr, have used at that age [s].
+  RoomShares measure(const Particles& particles, double age, const std::int32_t* list, Range range) const;
+  /// What all have.
   RoomShares measure(const Particles& particles, double age, int n_threads) const;
   /// No grain has less room [m].
   double least() const { return least_; }
-  /// The list is good while this share, of what the kernel has found at that age [s], is at most one.
+  /// The list is good while this share, of what was measured at that age [s], is at most one.
   double used(const RoomShares& shares, double age) const {
     return age > good_for_ ? shares.at_rest : std::min(shares.in_frames, shares.at_rest);
   }
