@@ -226,9 +226,11 @@ int Cells::runs_around(const std::array<int, 3>& cell, Run* runs) const {
 }
 
 int Cells::Walk::runs_after(std::int32_t i, Vec3 position, Run* runs) {
-  const std::array<int, 3> cell = cells_.cell_of(position);
-  if (cell != cell_) {
-    cell_ = cell;
+  if (i < begin_ || i >= end_) {
+    const std::array<int, 3> cell = cells_.cell_of(position);
+    const auto place = static_cast<std::size_t>(cells_.index_of(cell[0], cell[1], cell[2]));
+    begin_ = cells_.cell_begin_[place];
+    end_ = cells_.cell_begin_[place + 1];
     n_around_ = cells_.runs_around(cell, around_);
   }
   int n = 0;

@@ -71,10 +71,7 @@ class Cells {
   /// order()[i] is the present place of the grain that comes to place i.
   const std::vector<std::int32_t>& order() const { return order_; }
 
-  struct Run {
-    Range grains;        // places in sorted order
-    std::uint8_t image;  // code of these grains seen from the asking one
-  };
+  using Run = GrainRun;  // by places in sorted order
   class Walk;
   /// Runs of all grains that may be nearer than `reach` [m] to a point that is no grain of these, however far that is. Replaces what is
   /// in `runs`.
@@ -160,7 +157,7 @@ class Cells::Walk {
 
  private:
   const Cells& cells_;
-  std::array<int, 3> cell_{-1, -1, -1};
+  std::int32_t begin_ = 0, end_ = 0;  // of the cell
   Run around_[max_runs];
   int n_around_ = 0;
 };

@@ -8,6 +8,7 @@
 
 #include "engine/threads.hpp"
 #include "kernels/contact/sweep.hpp"
+#include "kernels/search/row_order.hpp"
 
 namespace moraine {
 
@@ -63,28 +64,34 @@ void PairCarry::sort_long_rows() {
   }
 }
 
-PairMemory PairCarry::find(End first, End second, std::uint8_t image) const {
-  if (items.empty()) return {};
-  for (const auto& [at_grain, other] : {std::pair{first, second}, std::pair{second, first}}) {
-    if (at_grain.was_at < 0) continue;
-    const std::uint64_t wanted = key(other.gid, image);
-    std::size_t k = begin[at(at_grain.was_at)];
-    const std::size_t end = begin[at(at_grain.was_at) + 1];
-    if (end - k > long_row)
-      k = at(std::lower_bound(items.begin() + static_cast<std::ptrdiff_t>(k),
-                              items.begin() + static_cast<std::ptrdiff_t>(end), wanted,
-                              [](const Item& item, std::uint64_t w) { return item.other_and_image < w; }) -
-             items.begin());
-    for (; k < end; ++k) {
-      const Item& item = items[k];
-      if (item.other_and_image == wanted)
-        return {{item.displacement[0], item.displacement[1], item.displacement[2]},
-                energy.empty() ? 0.0 : energy[k],
-                further.empty() ? FurtherMemory{} : further[k]};
-      if (end - begin[at(at_grain.was_at)] > long_row) break;  // sorted
-    }
+std::int64_t PairCarry::find_at(std::int32_t was_at, std::uint64_t wanted) const {
+  std::size_t k = begin[at(was_at)];
+  const std::size_t end = begin[at(was_at) + 1];
+  if (end - k > long_row) {  // sorted
+    const auto is_before = [](const Item& item, std::uint64_t w) { return item.other_and_image < w; };
+    k = at(std::lower_bound(items.begin() + static_cast<std::ptrdiff_t>(k),
+                            items.begin() + static_cast<std::ptrdiff_t>(end), wanted, is_before) -
+           items.begin());
+    return k < end && items[k].other_and_image == wanted ? static_cast<std::int64_t>(k) : none;
   }
-  return {};
+  for (; k < end; ++k)
+    if (items[k].other_and_image == wanted) return static_cast<std::int64_t>(k);
+  return none;
+}
+
+std::int64_t PairCarry::find(End first, End second, std::uint8_t image) const {
+  if (items.empty()) return none;
+  if (second.was_at >= 0 && second.was_at < first.was_at) std::swap(first, second);
+  std::int64_t found = first.was_at < 0 ? none : find_at(first.was_at, key(second.gid, image));
+  if (found == none && second.was_at >= 0 && !is_at_first) found = find_at(second.was_at, key(first.gid, image));
+  return found;
+}
+
+PairMemory PairCarry::memory(std::int64_t item) const {
+  if (item == none) return {};
+  const auto k = at(item);
+  const double* const d = items[k].displacement;
+  return {{d[0], d[1], d[2]}, energy.empty() ? 0.0 : energy[k], further.empty() ? FurtherMemory{} : further[k]};
 }
 
 /// What the search goes through.
@@ -99,7 +106,29 @@ struct PairList::SearchPlace {
   std::vector<std::uint8_t> own_images;
 
   double room(std::int32_t i) const { return at(i) < rooms.size() ? rooms[at(i)] : 0.5 * skin; }
+  /// The last band that begins nearer than the two are.
+  std::uint8_t band_of(std::int32_t i, std::int32_t j, std::uint8_t image) const {
+    Vec3 separation = particles.position(i) - particles.position(j);
+    if (image) separation = separation + image_shift[image];
+    const double squared = squared_length(separation), rooms_of_both = room(i) + room(j);
+    const double radii = particles.radius(i) + particles.radius(j) + range;
+    std::uint8_t band = n_bands - 1;
+    for (; band > 0; --band) {
+      const double distance = radii + band_share[band] * rooms_of_both;
+      if (squared >= distance * distance) break;
+    }
+    return band;
+  }
 };
+
+void PairList::RawChunk::make_room(std::int64_t n_more, bool has_images) {
+  const std::size_t needed = at(n_pairs + n_more);
+  if (needed <= j.size()) return;
+  const std::size_t n = needed + needed / 2;
+  j.resize_keeping(n);
+  band.resize_keeping(n);
+  if (has_images) image.resize_keeping(n);
+}
 
 void PairList::build(const Particles& particles, const Cells& cells, const SizeGrids& sizes,
                      std::span<const GhostCopy> ghosts, std::span<const Vec3> image_shift, double skin,
@@ -144,10 +173,12 @@ void PairList::search(const SearchPlace& place, int n_threads) {
   // Coordinates in arrays of their own for the filter, with radii that contain the rooms, and place for a vector behind the last.
   const std::size_t row = at(n) + 8;
   AlignedArray<double> coordinates;
-  if (!is_by_size) coordinates.resize_discarding(4 * row);
+  if (!is_by_size) coordinates.resize_discarding(5 * row);
   double* const values = coordinates.data();
-  const Spheres spheres = is_by_size ? Spheres{} : Spheres{values, values + row, values + 2 * row, values + 3 * row};
-  raw_.assign(at(n_threads), {});
+  const Spheres spheres =
+      is_by_size ? Spheres{} : Spheres{values, values + row, values + 2 * row, values + 3 * row, values + 4 * row};
+  raw_.clear();
+  raw_.resize(at(n_threads));
   found_.assign(at(is_by_size ? n_threads : 0), {});
   parallel(n_threads, [&](int thread) {
     const Range share = share_of(n, thread, n_threads);
@@ -163,10 +194,12 @@ void PairList::search(const SearchPlace& place, int n_threads) {
     }
     for (std::int64_t i = share.begin; i < share.end; ++i) {
       for (int c = 0; c < 4; ++c) values[static_cast<std::size_t>(c) * row + at(i)] = particles.record(i)[c];
-      values[3 * row + at(i)] += place.room(static_cast<std::int32_t>(i));
+      const double room = place.room(static_cast<std::int32_t>(i));
+      values[3 * row + at(i)] += room;
+      values[4 * row + at(i)] = room;
     }
     if (thread == 0)
-      for (std::size_t c = 0; c < 4; ++c) std::fill_n(values + c * row + at(n), 8, 0.0);
+      for (std::size_t c = 0; c < 5; ++c) std::fill_n(values + c * row + at(n), 8, 0.0);
     barrier();
     search_in_order(place, spheres, thread, n_threads);
   });
@@ -175,59 +208,67 @@ void PairList::search(const SearchPlace& place, int n_threads) {
   for (const RawChunk& chunk : raw_) n_tested_ += chunk.n_tested;
 }
 
-/// The images in which grain i is near itself.
-void PairList::search_own_images(const SearchPlace& place, std::int32_t i, std::vector<std::uint8_t>& images) const {
-  images.clear();
+/// Grain i with those of its images that are near it.
+std::vector<PairList::FoundPair> PairList::own_images_of(const SearchPlace& place, std::int32_t i) const {
+  std::vector<FoundPair> found;
   const double limit = 2.0 * place.particles.radius(i) + place.skin + place.range;
   for (const std::uint8_t code : place.own_images)
-    if (squared_length(place.image_shift[code]) < limit * limit) images.push_back(code);
+    if (squared_length(place.image_shift[code]) < limit * limit)
+      found.push_back({i, i, code, place.band_of(i, i, code)});
+  return found;
 }
 
 /// Grains lie in memory as in the cells, and each looks for those that come after it.
 void PairList::search_in_order(const SearchPlace& place, const Spheres& spheres, int thread, int n_threads) {
   const Particles& particles = place.particles;
-  const PairFilter filter = pair_filter();
+  const NearFilter filter = near_filter();
   RawChunk& chunk = raw_[at(thread)];
   const bool has_images = !place.image_shift.empty();
-  const auto expected = static_cast<std::size_t>(1.02 * static_cast<double>(n_last_) / n_threads);
-  chunk.j.reserve(expected);
-  if (has_images) chunk.image.reserve(expected);
-  std::vector<std::int32_t> found;
-  std::vector<std::uint8_t> images;
-  const auto near = [&](const Cells::Run& run, Vec3 centre, double reach) {
-    const Vec3 seen = run.image ? centre + place.image_shift[run.image] : centre;
-    if (found.size() < at(run.grains.size())) found.resize(at(2 * run.grains.size()));
-    chunk.n_tested += run.grains.size();
-    return filter(spheres, run.grains, seen, reach, found.data());
+  const auto asking = [&](std::int32_t i, Vec3 centre) {
+    return Asking{centre,
+                  particles.radius(i) + place.room(i) + place.range,
+                  place.room(i),
+                  place.image_shift.data(),
+                  band_share.data(),
+                  n_bands};
   };
+  const auto n_in = [](const Cells::Run* runs, int n_runs) {
+    std::int64_t n = 0;
+    for (int r = 0; r < n_runs; ++r) n += runs[r].grains.size();
+    return n;
+  };
+  chunk.make_room(n_last_ / n_threads, has_images);  // about as many as last time, and half as many more
   Cells::Walk walk(place.cells);
   for (std::int32_t i = chunk.grain_begin; i < chunk.grain_end; ++i) {
     const Vec3 centre = particles.position(i);
-    const double reach = particles.radius(i) + place.room(i) + place.range;
     Cells::Run runs[Cells::max_runs];
     const int n_runs = walk.runs_after(i, centre, runs);
-    for (int r = 0; r < n_runs; ++r) {
-      const int n_found = near(runs[r], centre, reach);
-      chunk.j.insert(chunk.j.end(), found.begin(), found.begin() + n_found);
-      if (has_images) chunk.image.insert(chunk.image.end(), at(n_found), runs[r].image);
-    }
+    const std::int64_t n_asked = n_in(runs, n_runs);
+    chunk.n_tested += n_asked;
+    chunk.make_room(n_asked, has_images);
+    chunk.n_pairs += filter(spheres, runs, n_runs, asking(i, centre), chunk.end());
     if (!place.own_images.empty()) {
-      search_own_images(place, i, images);
-      chunk.j.insert(chunk.j.end(), images.size(), i);
-      chunk.image.insert(chunk.image.end(), images.begin(), images.end());
+      const std::vector<FoundPair> own = own_images_of(place, i);
+      chunk.make_room(static_cast<std::int64_t>(own.size()), has_images);
+      for (const FoundPair& pair : own) chunk.put(pair, chunk.n_pairs++);
     }
-    chunk.offsets[at(i - chunk.grain_begin) + 1] = static_cast<std::uint32_t>(chunk.j.size());
+    chunk.offsets[at(i - chunk.grain_begin) + 1] = static_cast<std::uint32_t>(chunk.n_pairs);
   }
   std::vector<Cells::Run> runs;
+  RawChunk found;  // of one ghost
   const Range ghosts = share_of(static_cast<std::int64_t>(place.ghosts.size()), thread, n_threads);
   for (std::int64_t g = ghosts.begin; g < ghosts.end; ++g) {
     const GhostCopy& copy = place.ghosts[at(g)];
     place.cells.runs_within(copy.position, place.cells.reach(), runs);
-    for (const Cells::Run& run : runs) {
-      const int n_found = near(run, copy.position, particles.radius(copy.ghost) + place.room(copy.ghost) + place.range);
+    const int n_runs = static_cast<int>(runs.size());
+    const std::int64_t n_asked = n_in(runs.data(), n_runs);
+    chunk.n_tested += n_asked;
+    found.make_room(n_asked, has_images);
+    const int n_found = filter(spheres, runs.data(), n_runs, asking(copy.ghost, copy.position), found.end());
+    for (std::size_t k = 0; k < at(n_found); ++k) {
       // The run's image is that of the grains seen from the ghost.
-      const std::uint8_t code = image::inverse(image::sum(copy.image, run.image));
-      for (int k = 0; k < n_found; ++k) chunk.border.push_back({found[at(k)], copy.ghost, code});
+      const std::uint8_t code = image::inverse(image::sum(copy.image, has_images ? found.image[k] : std::uint8_t{0}));
+      chunk.border.push_back({found.j[k], copy.ghost, code, found.band[k]});
     }
   }
 }
@@ -240,19 +281,21 @@ void PairList::search_by_size(const SearchPlace& place, int thread, int n_thread
   std::vector<FoundPair>& found = found_[at(thread)];
   place.sizes.for_each_pair(particles, thread, n_threads, scratch,
                             [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
-                              found.push_back(i < j ? FoundPair{i, j, code} : FoundPair{j, i, image::inverse(code)});
+                              if (j < i) {
+                                std::swap(i, j);
+                                code = image::inverse(code);
+                              }
+                              found.push_back({i, j, code, place.band_of(i, j, code)});
                             });
-  std::vector<std::uint8_t> images;
-  for (std::int32_t i = chunk.grain_begin; i < chunk.grain_end && !place.own_images.empty(); ++i) {
-    search_own_images(place, i, images);
-    for (const std::uint8_t code : images) found.push_back({i, i, code});
-  }
+  for (std::int32_t i = chunk.grain_begin; i < chunk.grain_end && !place.own_images.empty(); ++i)
+    for (const FoundPair& pair : own_images_of(place, i)) found.push_back(pair);
   const Range ghosts = share_of(static_cast<std::int64_t>(place.ghosts.size()), thread, n_threads);
   for (std::int64_t g = ghosts.begin; g < ghosts.end; ++g) {
     const GhostCopy& copy = place.ghosts[at(g)];
     place.sizes.for_each_near(copy.position, particles.radius(copy.ghost) + place.skin + place.range,
                               place.sizes.size(), scratch, [&](std::int32_t j, std::uint8_t code) {
-                                chunk.border.push_back({j, copy.ghost, image::inverse(image::sum(copy.image, code))});
+                                code = image::inverse(image::sum(copy.image, code));
+                                chunk.border.push_back({j, copy.ghost, code, place.band_of(j, copy.ghost, code)});
                               });
   }
   chunk.n_tested = scratch.n_tested;
@@ -268,14 +311,10 @@ void PairList::put_in_order(const SearchPlace& place, int thread, int n_threads)
   };
   for_each_found([&](const FoundPair& pair) { ++chunk.offsets[at(pair.i - chunk.grain_begin) + 1]; });
   for (std::size_t k = 1; k < chunk.offsets.size(); ++k) chunk.offsets[k] += chunk.offsets[k - 1];
-  chunk.j.resize(chunk.offsets.back());
-  if (!place.image_shift.empty()) chunk.image.resize(chunk.offsets.back());
+  chunk.make_room(chunk.offsets.back(), !place.image_shift.empty());
+  chunk.n_pairs = chunk.offsets.back();
   std::vector<std::uint32_t> next(chunk.offsets.begin(), chunk.offsets.end() - 1);
-  for_each_found([&](const FoundPair& pair) {
-    const std::size_t k = next[at(pair.i - chunk.grain_begin)]++;
-    chunk.j[k] = pair.j;
-    if (!chunk.image.empty()) chunk.image[k] = pair.image;
-  });
+  for_each_found([&](const FoundPair& pair) { chunk.put(pair, next[at(pair.i - chunk.grain_begin)]++); });
 }
 
 double PairList::end_of_share(std::size_t thread) const {
@@ -307,47 +346,59 @@ void PairList::note_times(std::span<const double> seconds) {
 
 void PairList::cut(std::int32_t n_grains, int n_threads) {
   threads_.resize(at(n_threads));
-  std::int64_t total = std::int64_t{n_grains} * grain_work;
-  std::vector<std::uint16_t> n_border;
+  std::vector<std::uint32_t> n_border;  // pairs with ghosts, of the grains before each
   for (const RawChunk& chunk : raw_) {
-    total += static_cast<std::int64_t>(chunk.j.size() + chunk.border.size());
-    if (!chunk.border.empty() && n_border.empty()) n_border.assign(at(n_grains), 0);
-    for (const BorderPair& pair : chunk.border) ++n_border[at(pair.i)];
+    if (!chunk.border.empty() && n_border.empty()) n_border.assign(at(n_grains) + 1, 0);
+    for (const FoundPair& pair : chunk.border) ++n_border[at(pair.i) + 1];
   }
-  int thread = 0;
-  std::int64_t work = 0;
-  threads_[0].grain_begin = 0;
-  for (const RawChunk& chunk : raw_)
-    for (std::int32_t i = chunk.grain_begin; i < chunk.grain_end; ++i) {
-      while (thread + 1 < n_threads &&
-             static_cast<double>(work) >= static_cast<double>(total) * end_of_share(at(thread))) {
-        threads_[at(thread)].grain_end = i;
-        threads_[at(++thread)].grain_begin = i;
-      }
-      const std::size_t k = at(i - chunk.grain_begin);
-      work += grain_work + (chunk.offsets[k + 1] - chunk.offsets[k]) + (n_border.empty() ? 0 : n_border[at(i)]);
+  for (std::size_t i = 1; i < n_border.size(); ++i) n_border[i] += n_border[i - 1];
+  std::int64_t before = 0;  // pairs of the chunks before
+  std::vector<std::int64_t> pairs_before;
+  for (const RawChunk& chunk : raw_) {
+    pairs_before.push_back(before);
+    before += chunk.n_pairs;
+  }
+  const auto work_before = [&](std::int32_t i) {
+    const auto after = std::upper_bound(raw_.begin() + 1, raw_.end(), i,
+                                        [](std::int32_t grain, const RawChunk& x) { return grain < x.grain_begin; });
+    const RawChunk& chunk = *(after - 1);
+    return i * grain_work + pairs_before[at(&chunk - raw_.data())] + chunk.offsets[at(i - chunk.grain_begin)] +
+           (n_border.empty() ? 0 : n_border[at(i)]);
+  };
+  const auto total = static_cast<double>(work_before(n_grains));
+  std::int32_t begin = 0;
+  for (std::size_t thread = 0; thread < threads_.size(); ++thread) {
+    std::int32_t end = begin, beyond = n_grains;  // the first grain before which lies the share's work
+    while (end < beyond && thread + 1 < threads_.size()) {
+      const std::int32_t middle = end + (beyond - end) / 2;
+      if (static_cast<double>(work_before(middle)) >= total * end_of_share(thread))
+        beyond = middle;
+      else
+        end = middle + 1;
     }
-  threads_[at(thread)].grain_end = n_grains;
-  while (++thread < n_threads) threads_[at(thread)].grain_begin = threads_[at(thread)].grain_end = n_grains;
+    threads_[thread].grain_begin = begin;
+    threads_[thread].grain_end = begin = beyond;
+  }
 }
 
-/// Calls f(i, j, image of j seen from i) for the raw pairs of grains [begin, end), in order.
+/// Calls f(pair) for the raw pairs of grains [begin, end), in order.
 template <typename Function>
 void PairList::for_each_raw(std::int32_t begin, std::int32_t end, Function f) const {
   for (const RawChunk& chunk : raw_)
     for (std::int32_t i = std::max(begin, chunk.grain_begin); i < std::min(end, chunk.grain_end); ++i)
-      for (std::uint32_t k = chunk.offsets[at(i - chunk.grain_begin)]; k < chunk.offsets[at(i - chunk.grain_begin) + 1];
+      for (std::size_t k = chunk.offsets[at(i - chunk.grain_begin)]; k < chunk.offsets[at(i - chunk.grain_begin) + 1];
            ++k)
-        f(i, chunk.j[k], chunk.image.empty() ? std::uint8_t{0} : chunk.image[k]);
+        f(FoundPair{i, chunk.j[k], chunk.image.size() ? chunk.image[k] : std::uint8_t{0}, chunk.band[k]});
 }
 
 void PairList::mark_deferred(int thread) {
   const ThreadPairs& mine = threads_[at(thread)];
-  for_each_raw(mine.grain_begin, mine.grain_end, [&](std::int32_t, std::int32_t j, std::uint8_t) {
-    if (j >= mine.grain_end) std::atomic_ref(is_deferred_[at(j)]).store(1, std::memory_order_relaxed);
-  });
+  if (mine.grain_end < threads_.back().grain_end)
+    for_each_raw(mine.grain_begin, mine.grain_end, [&](const FoundPair& pair) {
+      if (pair.j >= mine.grain_end) std::atomic_ref(is_deferred_[at(pair.j)]).store(1, std::memory_order_relaxed);
+    });
   for (std::size_t chunk = at(thread); chunk < raw_.size(); chunk += threads_.size())
-    for (const BorderPair& pair : raw_[chunk].border)
+    for (const FoundPair& pair : raw_[chunk].border)
       std::atomic_ref(is_deferred_[at(pair.i)]).store(1, std::memory_order_relaxed);
 }
 
@@ -363,16 +414,20 @@ double PairList::next_opening(double used) {
   return 1.0;
 }
 
+/// Lays the thread's pairs out, tile by tile: band behind band, first those of the ring.
 void PairList::lay_out(const SearchPlace& place, const PairNeeds& needs, std::span<const std::int32_t> was_at,
                        const PairCarry& carry, int thread) {
   const Particles& particles = place.particles;
   ThreadPairs& mine = threads_[at(thread)];
+  std::vector<FoundPair> border;
   std::int64_t n_raw = 0;
-  for_each_raw(mine.grain_begin, mine.grain_end, [&](std::int32_t, std::int32_t, std::uint8_t) { ++n_raw; });
-  std::vector<BorderPair> border;
-  for (const RawChunk& chunk : raw_)
-    for (const BorderPair& pair : chunk.border)
+  for (const RawChunk& chunk : raw_) {
+    const std::int32_t begin = std::max(mine.grain_begin, chunk.grain_begin),
+                       end = std::min(mine.grain_end, chunk.grain_end);
+    if (begin < end) n_raw += chunk.offsets[at(end - chunk.grain_begin)] - chunk.offsets[at(begin - chunk.grain_begin)];
+    for (const FoundPair& pair : chunk.border)
       if (pair.i >= mine.grain_begin && pair.i < mine.grain_end) border.push_back(pair);
+  }
   std::stable_sort(border.begin(), border.end(), [](const auto& x, const auto& y) { return x.i < y.i; });
   n_raw += static_cast<std::int64_t>(border.size());
   const std::int64_t n_tiles = (mine.grain_end - mine.grain_begin + tile_size - 1) / tile_size + 1;
@@ -389,94 +444,85 @@ void PairList::lay_out(const SearchPlace& place, const PairNeeds& needs, std::sp
   mine.plain.clear();
   mine.deferred.clear();
 
+  const std::int32_t dummy = particles.dummy();
+  const bool may_remember = needs.memory.has_history && !carry.items.empty();
+  const auto is_lower = [&](std::int32_t i, std::int32_t j) { return particles.gid(i) < particles.gid(j) || i == j; };
+  struct Listed {
+    FoundPair pair;
+    std::uint8_t is_kept, i_is_low;
+    std::int64_t item;  // of `carry`
+  };
+  std::vector<Listed> listed;  // the tile's
+  const auto list = [&](const FoundPair& pair, bool is_kept) {
+    Listed one{pair, is_kept, is_lower(pair.i, pair.j), PairCarry::none};
+    if (!one.i_is_low) one.pair.image = image::inverse(pair.image);  // as stored
+    if (may_remember)
+      one.item =
+          carry.find({was_at[at(pair.i)], particles.gid(pair.i)},
+                     {particles.is_owned(pair.j) ? was_at[at(pair.j)] : -1, particles.gid(pair.j)}, one.pair.image);
+    // A contact that has just ended is swept once more, in the very next step, wherever its grains are: what its spring still held goes
+    // to friction then, not when a band happens to open.
+    if (one.item != PairCarry::none && one.pair.band > 0) {
+      if (carry.memory(one.item).is_used())
+        one.pair.band = 0;
+      else
+        one.item = PairCarry::none;
+    }
+    listed.push_back(one);
+  };
   std::int64_t k = 0;
   std::uint32_t n_kept = 0;
-  const std::int32_t dummy = particles.dummy();
-  const auto is_lower = [&](std::int32_t i, std::int32_t j) { return particles.gid(i) < particles.gid(j) || i == j; };
-  const auto recall = [&](std::int32_t i, std::int32_t j, std::uint8_t stored) {
-    return carry.find({was_at[at(i)], particles.gid(i)}, {particles.is_owned(j) ? was_at[at(j)] : -1, particles.gid(j)},
-                      stored);
-  };
-  const auto put = [&](std::int32_t i, std::int32_t j, std::uint8_t code, bool may_remember) {
-    const bool i_is_low = is_lower(i, j);
-    const std::size_t p = at(k++);
-    mine.a[p] = i_is_low ? i : j;
-    mine.b[p] = i_is_low ? j : i;
-    const std::uint8_t stored = i_is_low ? code : image::inverse(code);
+  const auto put = [&](const Listed& one, std::int64_t place_in_list) {
+    const auto& [i, j, stored, band] = one.pair;
+    const std::size_t p = at(place_in_list);
+    mine.a[p] = one.i_is_low ? i : j;
+    mine.b[p] = one.i_is_low ? j : i;
     if (needs.has_images) mine.image[p] = stored;
     if (needs.has_species)
       mine.species[p] = needs.species_table[particles.material(i) * needs.n_materials + particles.material(j)];
-    if (needs.memory.has_history) mine.set_memory(k - 1, may_remember ? recall(i, j, stored) : PairMemory{});
+    if (one.item != PairCarry::none) mine.set_memory(place_in_list, carry.memory(one.item));
+    if (j >= mine.grain_end && particles.is_owned(j))
+      cross_[at(thread)].push_back({j, i,
+                                    n_kept + static_cast<std::uint32_t>(place_in_list - mine.tiles.back().kept_begin),
+                                    stored, !!one.i_is_low});
   };
-  const auto fill_group = [&] {
-    for (; k % pair_group != 0; ++k) {
-      const std::size_t p = at(k);
-      mine.a[p] = mine.b[p] = dummy;
-      if (needs.has_images) mine.image[p] = 0;
-      if (needs.has_species) mine.species[p] = 0;
-      mine.set_memory(k, {});
+  // The listed pairs become the last tile's, from its beginning at k on.
+  const auto put_listed = [&] {
+    Tile& tile = mine.tiles.back();
+    std::array<std::array<std::int64_t, n_bands>, 2> next{};
+    for (const Listed& one : listed) ++next[one.is_kept][one.pair.band];
+    const std::int64_t begin = k;
+    for (const std::size_t is_kept : {0u, 1u}) {
+      (is_kept ? tile.kept_begin : tile.ring_begin) = k;
+      for (std::size_t band = 0; band < n_bands; ++band) {
+        if (band > 0) (is_kept ? tile.kept_bands : tile.ring_bands)[band - 1] = k;
+        const std::int64_t n = next[is_kept][band];
+        next[is_kept][band] = k;
+        k += n;
+      }
+      for (; k % pair_group != 0; ++k) {
+        const std::size_t p = at(k);
+        mine.a[p] = mine.b[p] = dummy;
+        if (needs.has_images) mine.image[p] = 0;
+        if (needs.has_species) mine.species[p] = 0;
+      }
     }
-  };
-
-  struct Listed {
-    std::int32_t i, j;
-    std::uint8_t image;
-  };
-  using Bands = std::array<std::vector<Listed>, n_bands>;
-  Bands ring, kept;
-  const auto put_bands = [&](Bands& bands, BandBegins& begins) {  // and empties them
-    for (std::size_t band = 0; band < n_bands; ++band) {
-      if (band > 0) begins[band - 1] = k;
-      for (const Listed& pair : bands[band])
-        put(pair.i, pair.j, pair.image, band == 0);  // band_of() puts all that remember there
-      bands[band].clear();
-    }
-    fill_group();
-  };
-  const auto band_of = [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
-    Vec3 separation = particles.position(i) - particles.position(j);
-    if (code) separation = separation + place.image_shift[code];
-    const double squared = squared_length(separation), radii = particles.radius(i) + particles.radius(j) + place.range;
-    const double rooms = place.room(i) + place.room(j);
-    std::size_t band = n_bands - 1;
-    for (; band > 0; --band) {
-      const double distance = radii + band_share[band] * rooms;
-      if (squared >= distance * distance) break;
-    }
-    // A contact that has just ended is swept once more, in the very next step, wherever its grains are: what its spring still held goes
-    // to friction then, not when a band happens to open.
-    const bool may_remember = needs.memory.has_history && !carry.items.empty();
-    if (band > 0 && may_remember && recall(i, j, is_lower(i, j) ? code : image::inverse(code)).is_used())
-      return std::size_t{0};
-    return band;
-  };
-  const auto note_cross_pairs = [&](const Tile& tile) {
-    for (std::int64_t pair = tile.kept_begin; pair < tile.pair_end; ++pair) {
-      const std::size_t p = at(pair);
-      const std::int32_t first = std::min(mine.a[p], mine.b[p]), second = std::max(mine.a[p], mine.b[p]);
-      if (first == dummy || second < mine.grain_end) continue;
-      cross_[at(thread)].push_back({second, first, tile.kept_slot + static_cast<std::uint32_t>(pair - tile.kept_begin),
-                                    needs.has_images ? mine.image[p] : std::uint8_t{0}, mine.b[p] == second});
-    }
+    tile.pair_end = k;
+    tile.kept_slot = n_kept;
+    mine.forget(begin, k);
+    for (const Listed& one : listed) put(one, next[one.is_kept][one.pair.band]++);
+    n_kept += static_cast<std::uint32_t>(k - tile.kept_begin);
+    listed.clear();
   };
   for (std::int32_t begin = mine.grain_begin; begin < mine.grain_end; begin += tile_size) {
-    Tile tile;
+    Tile& tile = mine.tiles.emplace_back();
     tile.grain_begin = begin;
     tile.grain_end = std::min(begin + tile_size, mine.grain_end);
-    tile.ring_begin = k;
-    for_each_raw(tile.grain_begin, tile.grain_end, [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
-      const bool is_far = j - i > furthest_in_ring_;  // in another column, or beyond a periodic face
-      const bool is_kept = j >= mine.grain_end || is_deferred_[at(i)] || is_deferred_[at(j)] || is_far;
-      (is_kept ? kept : ring)[band_of(i, j, code)].push_back({i, j, code});
+    for_each_raw(tile.grain_begin, tile.grain_end, [&](const FoundPair& pair) {
+      const bool is_far = pair.j - pair.i > furthest_in_ring_;  // in another column, or beyond a periodic face
+      list(pair, is_far || pair.j >= mine.grain_end || is_deferred_[at(pair.i)] || is_deferred_[at(pair.j)]);
     });
-    put_bands(ring, tile.ring_bands);
-    tile.kept_begin = k;
-    tile.kept_slot = n_kept;
-    put_bands(kept, tile.kept_bands);
-    tile.pair_end = k;
-    note_cross_pairs(tile);
-    n_kept += static_cast<std::uint32_t>(k - tile.kept_begin);
-
+    put_listed();
     bool is_any_deferred = false;
     for (std::int32_t i = tile.grain_begin; i < tile.grain_end; ++i)
       is_any_deferred = is_any_deferred || is_deferred_[at(i)];
@@ -486,20 +532,13 @@ void PairList::lay_out(const SearchPlace& place, const PairNeeds& needs, std::sp
         (is_deferred_[at(i)] ? mine.deferred : mine.plain).push_back(i);
       tile.plain_end = static_cast<std::int64_t>(mine.plain.size());
     }
-    mine.tiles.push_back(tile);
   }
   mine.has_border = particles.n_ghosts() > 0;
   if (mine.has_border) {
-    Tile tile;
+    Tile& tile = mine.tiles.emplace_back();
     tile.grain_begin = tile.grain_end = mine.grain_end;
-    tile.ring_begin = tile.kept_begin = k;
-    tile.kept_slot = n_kept;
-    for (const BorderPair& pair : border)
-      kept[band_of(pair.i, pair.ghost, pair.image)].push_back({pair.i, pair.ghost, pair.image});
-    put_bands(kept, tile.kept_bands);
-    tile.pair_end = k;
-    n_kept += static_cast<std::uint32_t>(k - tile.kept_begin);
-    mine.tiles.push_back(tile);
+    for (const FoundPair& pair : border) list(pair, true);
+    put_listed();
   }
   kept_base_[at(thread) + 1] = n_kept;
 }
@@ -539,52 +578,26 @@ void PairList::index_entries(const Particles& particles, const PairNeeds& needs,
   each_end([&](std::int32_t grain, std::int32_t, Entry, std::uint8_t) { ++offsets[grain - first + 1]; });
   for (std::int32_t i = first; i < end; ++i) offsets[i - first + 1] += offsets[i - first];
   const std::size_t n_entries = offsets[end - first];
-  mine.entries.resize_discarding(n_entries);
-  struct Key {
-    std::uint64_t gid;
-    std::uint8_t image;
-  };
-  std::vector<std::int32_t> others(n_entries);
-  std::vector<std::uint8_t> codes(needs.has_images ? n_entries : 0);
+  std::vector<std::int64_t> keys(n_entries + 7);
+  std::vector<Entry> entries(n_entries);
   std::vector<std::uint32_t> next(offsets, offsets + (end - first));
+  // The ring must hold all pairs from the earliest that a tile's grains need to the last of the tile.
+  std::vector<std::int64_t> earliest;
+  for (const Tile& tile : mine.tiles) earliest.push_back(tile.ring_begin);
   each_end([&](std::int32_t grain, std::int32_t other, Entry entry, std::uint8_t code) {
     const std::uint32_t q = next[at(grain - first)]++;
-    mine.entries[q] = entry;
-    others[q] = other;
-    if (needs.has_images) codes[q] = code;
+    entries[q] = entry;
+    keys[q] = static_cast<std::int64_t>(PairCarry::key(particles.gid(other), code) << 1 | (entry & entry_is_b));
+    if (entry & entry_is_kept) return;
+    std::int64_t& since = earliest[at((grain - first) / tile_size)];
+    since = std::min<std::int64_t>(since, entry >> 2);
   });
-  std::vector<std::pair<Key, Entry>> row;
-  for (std::int32_t i = first; i < end; ++i) {
-    const std::uint32_t begin = offsets[i - first];
-    const std::size_t size = offsets[i - first + 1] - begin;
-    if (row.size() < size) row.resize(size);
-    const auto is_before = [](const auto& x, const auto& y) {
-      if (x.first.gid != y.first.gid) return x.first.gid < y.first.gid;
-      if (x.first.image != y.first.image) return x.first.image < y.first.image;
-      return (x.second & entry_is_b) < (y.second & entry_is_b);
-    };
-    const bool is_long = size > PairCarry::long_row;  // of a grain much larger than those around it
-    for (std::size_t q = 0; q < size; ++q) {
-      const std::pair<Key, Entry> item{
-          {particles.gid(others[begin + q]), needs.has_images ? codes[begin + q] : std::uint8_t{0}},
-          mine.entries[begin + q]};
-      std::size_t place = q;
-      for (; !is_long && place > 0 && is_before(item, row[place - 1]); --place) row[place] = row[place - 1];
-      row[place] = item;
-    }
-    if (is_long) std::sort(row.begin(), row.begin() + static_cast<std::ptrdiff_t>(size), is_before);
-    for (std::size_t q = 0; q < size; ++q) mine.entries[begin + q] = row[q].second;
-  }
+  mine.entries.resize_discarding(n_entries);
+  row_order()(offsets, end - first, keys.data(), entries.data(), mine.entries.data());
 
-  // The ring must hold all pairs from the earliest that a tile's grains need to the last of the tile.
   std::int64_t need = pair_group;
-  for (const Tile& tile : mine.tiles) {
-    std::int64_t earliest = tile.ring_begin;
-    for (std::int32_t i = tile.grain_begin; i < tile.grain_end; ++i)
-      for (std::uint32_t q = offsets[i - first]; q < offsets[i - first + 1]; ++q)
-        if (!(mine.entries[q] & entry_is_kept)) earliest = std::min<std::int64_t>(earliest, mine.entries[q] >> 2);
-    need = std::max(need, tile.kept_begin - earliest + pair_group);
-  }
+  for (std::size_t t = 0; t < mine.tiles.size(); ++t)
+    need = std::max(need, mine.tiles[t].kept_begin - earliest[t] + pair_group);
   const auto capacity = std::bit_ceil(static_cast<std::uint64_t>(need));
   mine.ring_mask = static_cast<std::uint32_t>(capacity - 1);
   mine.ring.resize_discarding(capacity * at(needs.slot_size) * number_size(needs.is_mixed));
@@ -595,17 +608,19 @@ PairCarry PairList::carry(const Particles& particles, std::span<const std::uint8
   PairCarry carry;
   if (threads_.empty() || threads_[0].history.size() == 0) return carry;
   carry.begin.assign(at(particles.size()) + 1, 0);
+  carry.is_at_first = is_leaving.empty();
   // The grain that comes first in memory lies in the range of the thread that holds the pair.
   const int n_active = std::min(n_threads, static_cast<int>(threads_.size()));
-  const auto each_thread = [&](auto f) {
-    parallel(n_active, [&](int thread) {
-      for (std::size_t t = at(thread); t < threads_.size(); t += at(n_active))
-        for_each_in(threads_[t], particles.dummy(),
-                    [&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory* memory) {
-                      if (memory->is_used()) f(a, b, image, *memory);
-                    });
-    });
-  };
+  std::vector<std::vector<std::int64_t>> used(threads_.size());  // pairs
+  parallel(n_active, [&](int thread) {
+    for (std::size_t t = at(thread); t < threads_.size(); t += at(n_active)) {
+      used[t].reserve(at(threads_[t].n_pairs / 2));
+      threads_[t].for_each_used([&](std::int64_t k) {
+        used[t].push_back(k);
+        ++carry.begin[at(std::min(threads_[t].a[at(k)], threads_[t].b[at(k)])) + 1];
+      });
+    }
+  });
   // Pairs that stand at their second grain too: few, and in any thread's range.
   struct Second {
     std::int32_t grain;
@@ -624,8 +639,6 @@ PairCarry PairList::carry(const Particles& particles, std::span<const std::uint8
       if (is_leaving[at(first)] || is_leaving[at(second)])
         seconds.push_back({second, item_of(first, image, *memory), *memory});
     });
-  each_thread(
-      [&](std::int32_t a, std::int32_t b, std::uint8_t, const PairMemory&) { ++carry.begin[at(std::min(a, b)) + 1]; });
   for (const Second& second : seconds) ++carry.begin[at(second.grain) + 1];
   for (std::size_t i = 0; i < at(particles.size()); ++i) carry.begin[i + 1] += carry.begin[i];
   carry.items.resize(carry.begin.back());
@@ -638,8 +651,14 @@ PairCarry PairList::carry(const Particles& particles, std::span<const std::uint8
     if (has_further) carry.further[k] = memory.further;
   };
   std::vector<std::uint32_t> next(carry.begin.begin(), carry.begin.end() - 1);
-  each_thread([&](std::int32_t a, std::int32_t b, std::uint8_t image, const PairMemory& memory) {
-    keep(next[at(std::min(a, b))]++, item_of(std::max(a, b), image, memory), memory);
+  parallel(n_active, [&](int thread) {
+    for (std::size_t t = at(thread); t < threads_.size(); t += at(n_active))
+      for (const std::int64_t k : used[t]) {
+        const ThreadPairs& pairs = threads_[t];
+        const std::int32_t a = pairs.a[at(k)], b = pairs.b[at(k)];
+        const PairMemory memory = pairs.memory(k);
+        keep(next[at(std::min(a, b))]++, item_of(std::max(a, b), pairs.image_of(k), memory), memory);
+      }
   });
   for (const Second& second : seconds) keep(next[at(second.grain)]++, second.item, second.memory);
   return carry;

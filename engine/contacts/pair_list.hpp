@@ -13,6 +13,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <span>
 #include <vector>
 
@@ -91,6 +92,33 @@ struct ThreadPairs {
       each_column(m, [&](double& value, int c) { value = numbers<double>()[place(k, c)]; });
     return m;
   }
+  /// Pairs [begin, end), which are whole groups, remember nothing.
+  void forget(std::int64_t begin, std::int64_t end) {
+    if (history.size() == 0) return;
+    const std::size_t number = number_size(is_mixed), first = place(begin, 0) * number;
+    std::memset(history.data() + first, 0, place(end, 0) * number - first);
+  }
+  /// Calls f(k) for the pairs that remember something.
+  template <typename Function>
+  void for_each_used(Function f) const {
+    if (history.size() == 0 || tiles.empty()) return;
+    const std::size_t bytes = place(pair_group, 0) * number_size(is_mixed);
+    for (std::int64_t group = 0; group < tiles.back().pair_end; group += pair_group) {
+      const std::byte* const first = history.data() + place(group, 0) * number_size(is_mixed);
+      std::uint64_t any = 0;  // most groups remember nothing
+      for (std::size_t k = 0; k < bytes; k += sizeof(any)) {
+        std::uint64_t some;
+        std::memcpy(&some, first + k, sizeof(some));
+        any |= some;
+      }
+      if (any == 0) continue;
+      for (std::int64_t k = group; k < group + pair_group; ++k)
+        if (memory(k).is_used()) f(k);
+    }
+  }
+  std::uint8_t image_of(std::int64_t k) const {
+    return image.size() ? image[static_cast<std::size_t>(k)] : std::uint8_t{0};
+  }
   /// Only for laws with history.
   void set_memory(std::int64_t k, const PairMemory& m) {
     if (!columns.has_history) return;
@@ -138,10 +166,18 @@ struct PairCarry {
     std::int32_t was_at;
     std::uint64_t gid;
   };
+  /// True where a pair stands only at the one of its grains that came first in memory.
+  bool is_at_first = false;
   /// Makes long rows fit for find(): a boulder touches thousands. Before the first find().
   void sort_long_rows();
-  /// Memory of the pair; zeros where they did not touch.
-  PairMemory find(End first, End second, std::uint8_t image) const;
+  /// The item of the pair, or `none`.
+  std::int64_t find(End first, End second, std::uint8_t image) const;
+  static constexpr std::int64_t none = -1;
+  /// What an item says; of none that nothing is remembered.
+  PairMemory memory(std::int64_t item) const;
+
+ private:
+  std::int64_t find_at(std::int32_t was_at, std::uint64_t wanted) const;
   static constexpr std::size_t long_row = 32;
 };
 
@@ -233,12 +269,18 @@ class PairList {
         f(t.a[p], t.b[p], t.image.size() ? t.image[p] : std::uint8_t{0}, t.history.size() ? &memory : nullptr);
       }
   }
+  /// A pair as it is found: i, which comes first in memory, and j, which may be a ghost.
+  struct FoundPair {
+    std::int32_t i, j;
+    std::uint8_t image;  // of j seen from i
+    std::uint8_t band;
+  };
   struct SearchPlace;
   void search(const SearchPlace& place, int n_threads);
   void search_in_order(const SearchPlace& place, const Spheres& spheres, int thread, int n_threads);
   void search_by_size(const SearchPlace& place, int thread, int n_threads);
   void put_in_order(const SearchPlace& place, int thread, int n_threads);
-  void search_own_images(const SearchPlace& place, std::int32_t i, std::vector<std::uint8_t>& images) const;
+  std::vector<FoundPair> own_images_of(const SearchPlace& place, std::int32_t i) const;
   void cut(std::int32_t n_grains, int n_threads);
   double end_of_share(std::size_t thread) const;
   void mark_deferred(int thread);
@@ -250,23 +292,26 @@ class PairList {
   template <typename Function>
   void for_each_of(std::int32_t i, Function f);
 
-  /// A grain with a ghost, and the ghost's image seen from the grain.
-  struct BorderPair {
-    std::int32_t i, ghost;
-    std::uint8_t image;
-  };
   struct RawChunk {
     std::int32_t grain_begin = 0, grain_end = 0;
     std::vector<std::uint32_t> offsets;  // of each grain of the chunk, and the end
-    std::vector<std::int32_t> j;
-    std::vector<std::uint8_t> image;  // of j seen from i; empty without periodic directions
-    std::vector<BorderPair> border;   // of any grains
+    std::int64_t n_pairs = 0;
+    AlignedArray<std::int32_t> j;
+    AlignedArray<std::uint8_t> image;  // of j seen from i; empty without periodic directions
+    AlignedArray<std::uint8_t> band;
+    std::vector<FoundPair> border;  // with ghosts, of any grains
     std::int64_t n_tested = 0;
-  };
-  /// A pair as it is found where sizes differ: i comes first in memory.
-  struct FoundPair {
-    std::int32_t i, j;
-    std::uint8_t image;  // of j seen from i
+
+    void make_room(std::int64_t n_more, bool has_images);
+    NearGrains end() {
+      return {j.data() + n_pairs, image.size() ? image.data() + n_pairs : nullptr, band.data() + n_pairs};
+    }
+    void put(const FoundPair& pair, std::int64_t k) {
+      const auto p = static_cast<std::size_t>(k);
+      j[p] = pair.j;
+      if (image.size()) image[p] = pair.image;
+      band[p] = pair.band;
+    }
   };
   /// A pair whose second grain belongs to a later thread.
   struct CrossPair {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <utility>
 
 #include "engine/threads.hpp"
 #include "kernels/base/range.hpp"
@@ -14,7 +15,7 @@ namespace {
 std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
 
 // All in steps and mean diameters. A rebuild costs about as much as this many steps ...
-constexpr double cost_of_rebuild = 9.0;
+constexpr double cost_of_rebuild = 6.5;
 // ... and each mean diameter of skin so many times what a step without one costs.
 constexpr double cost_of_skin = 1.1;
 /// Room that every grain has [mean diameters]: a step or more, whatever happens to it.
@@ -84,12 +85,39 @@ class Blocks {
 
 /// What the grains of a block have together, in diameters and steps. Threads add to it in any order, so in whole numbers.
 struct BlockSum {
-  std::int64_t n = 0, velocity[3] = {}, spread = 0;
+  std::int64_t n = 0, velocity[3] = {}, square = 0;
 };
-constexpr double velocity_unit = 0x1p-40, spread_unit = 0x1p-56;
-void add(std::int64_t& sum, double value, double unit) {
-  std::atomic_ref(sum).fetch_add(static_cast<std::int64_t>(value / unit), std::memory_order_relaxed);
-}
+constexpr double velocity_unit = 0x1p-40, square_unit = 0x1p-48;
+std::int64_t in_units(double value, double unit) { return static_cast<std::int64_t>(value / unit); }
+
+/// What a thread adds to a block: grains that follow each other are mostly of the same.
+class OwnSum : public BlockSum {
+ public:
+  explicit OwnSum(std::vector<BlockSum>& sums) : sums_(sums) {}
+  OwnSum(const OwnSum&) = delete;
+  ~OwnSum() { give(); }
+  /// From here on it is this block's.
+  void to(std::int32_t block) {
+    if (block == block_) return;
+    give();
+    block_ = block;
+  }
+
+ private:
+  void give() {
+    if (block_ < 0) return;
+    BlockSum& all = sums_[at(block_)];
+    const auto add = [](std::int64_t& sum, std::int64_t& own) {
+      if (own != 0) std::atomic_ref(sum).fetch_add(std::exchange(own, 0), std::memory_order_relaxed);
+    };
+    add(all.n, n);
+    for (int axis = 0; axis < 3; ++axis) add(all.velocity[axis], velocity[axis]);
+    add(all.square, square);
+  }
+
+  std::vector<BlockSum>& sums_;
+  std::int32_t block_ = -1;
+};
 
 /// How grains move in and with their blocks, in diameters and steps; found by all threads together, step by step.
 class BlockMotions {
@@ -105,7 +133,8 @@ class BlockMotions {
         sums_(at(blocks.size())),
         around_(at(blocks.size())),
         next_(at(blocks.size())),
-        spreads_(at(blocks.size())) {}
+        spreads_(at(blocks.size())),
+        speeds_(at(blocks.size())) {}
 
   /// Finds all of it; then every thread may ask for what its grains use. Returns the velocity of the fastest frame of the thread's blocks as seen
   /// from the mean of all.
@@ -114,7 +143,6 @@ class BlockMotions {
     barrier();
     smooth(thread);
     barrier();
-    sum_spreads(thread);
     if (thread == 0) mean_frame_ = mean_frame();
     barrier();
     const double fastest = compare_neighbours(thread);
@@ -129,9 +157,7 @@ class BlockMotions {
     return std::max(of_own_speed * own, of_others_speed * spreads_[at(b)]) + of_frames * frames_[4 * b + 3];
   }
   double use_at_rest(std::int64_t i) const {
-    const std::int64_t b = frame_of_[i];
-    return std::max(of_own_speed * length(velocity(i)),
-                    of_others_speed * std::hypot(spreads_[at(b)], length(frame(b))));
+    return std::max(of_own_speed * length(velocity(i)), of_others_speed * speeds_[at(frame_of_[i])]);
   }
 
  private:
@@ -150,13 +176,15 @@ class BlockMotions {
 
   void sum_velocities(int thread) {
     const Range grains = grains_of(thread);
+    OwnSum sum(sums_);
     for (std::int64_t i = grains.begin; i < grains.end; ++i) {
       const std::int32_t block = blocks_.block_of(particles_.position(static_cast<std::int32_t>(i)));
       frame_of_[i] = block;
-      BlockSum& sum = sums_[at(block)];
-      std::atomic_ref(sum.n).fetch_add(1, std::memory_order_relaxed);
+      sum.to(block);
+      ++sum.n;
       const Vec3 v = velocity(i);
-      for (int axis = 0; axis < 3; ++axis) add(sum.velocity[axis], v[axis], velocity_unit);
+      for (int axis = 0; axis < 3; ++axis) sum.velocity[axis] += in_units(v[axis], velocity_unit);
+      sum.square += in_units(squared_length(v), square_unit);
     }
   }
 
@@ -194,14 +222,6 @@ class BlockMotions {
     }
   }
 
-  void sum_spreads(int thread) {
-    const Range grains = grains_of(thread);
-    for (std::int64_t i = grains.begin; i < grains.end; ++i) {
-      const std::int32_t b = frame_of_[i];
-      add(sums_[at(b)].spread, std::min(squared_length(velocity(i) - frame(b)), 0.01), spread_unit);
-    }
-  }
-
   Vec3 mean_frame() const {
     Vec3 sum;
     double n = 0.0;
@@ -211,6 +231,15 @@ class BlockMotions {
         n += 1.0;
       }
     return n > 0.0 ? sum / n : sum;
+  }
+
+  /// Sum of |v - V|^2 over the block's grains, V its frame.
+  double spread_in_frame(std::int64_t b) const {
+    const BlockSum& sum = sums_[at(b)];
+    const auto number = [](std::int64_t n) { return static_cast<double>(n); };
+    const Vec3 all = velocity_unit * Vec3{number(sum.velocity[0]), number(sum.velocity[1]), number(sum.velocity[2])};
+    const Vec3 own = frame(b);
+    return std::max(0.0, square_unit * number(sum.square) + dot(number(sum.n) * own - 2.0 * all, own));
   }
 
   double compare_neighbours(int thread) {
@@ -224,11 +253,12 @@ class BlockMotions {
         const BlockSum& sum = sums_[at(other)];
         if (sum.n == 0) return;
         apart = std::max(apart, squared_length(own - frame(other)));
-        spread += spread_unit * static_cast<double>(sum.spread);
+        spread += spread_in_frame(other);
         n_near += static_cast<double>(sum.n);
       });
       frames_[4 * b + 3] = 0.5 * std::sqrt(apart);
       spreads_[at(b)] = std::sqrt(spread / n_near);
+      speeds_[at(b)] = std::sqrt(spread / n_near + squared_length(own));
       fastest = std::max(fastest, length(own - mean_frame_));
     }
     return fastest;
@@ -243,7 +273,8 @@ class BlockMotions {
   std::vector<BlockSum> sums_;
   std::vector<Motion> around_, next_;
   std::vector<double>
-      spreads_;  // root mean square of the speeds in their frames, of the grains of a block and its neighbours
+      spreads_;  // root mean square of the speeds in their frames, of the grains of a block and its neighbours ...
+  std::vector<double> speeds_;  // ... and as seen at rest, were they in this frame
   Vec3 mean_frame_;
 };
 
@@ -324,14 +355,15 @@ std::vector<double> Rooms::begin(const Particles& particles, const Cells& cells,
     Found& mine = found[at(thread)];
     mine.fastest_frame = motions.find(thread);
     for (std::int64_t i = grains.begin; i < grains.end; ++i) {
-      mine.in_frames.include(motions.use_in_frame(i));
+      rooms[at(i)] = motions.use_in_frame(i);
+      mine.in_frames.include(rooms[at(i)]);
       mine.at_rest.include(motions.use_at_rest(i));
     }
     barrier();
     if (thread == 0) decide();
     barrier();
     for (std::int64_t i = grains.begin; i < grains.end; ++i) {
-      const double use = is_at_rest ? motions.use_at_rest(i) : motions.use_in_frame(i);
+      const double use = is_at_rest ? motions.use_at_rest(i) : rooms[at(i)];
       const double wanted = width.grain * (n_steps * use + least_room), widest = 0.5 * width.skin;
       rooms[at(i)] = !width.is_even && wanted < widest ? wanted : widest;
       put(particles, i, rooms[at(i)]);

@@ -64,6 +64,7 @@ WallContacts::WallContacts(const Walls& walls, const Domain& domain, const Memor
 /// added to its candidates.
 void WallContacts::find_across_faces(const Particles& particles, std::int32_t begin, std::int32_t end, double skin,
                                      double time, WallCandidates& found) const {
+  if (!domain_.periodic[0] && !domain_.periodic[1] && !domain_.periodic[2]) return;
   const Box box = domain_.box();
   std::vector<std::int32_t> grains;
   std::vector<double> seen;  // position and radius of each, brought over the face
@@ -74,6 +75,7 @@ void WallContacts::find_across_faces(const Particles& particles, std::int32_t be
       const double x = particles.position(i)[axis];
       most[at(axis)] = x - box.low[axis] < skin ? 1 : box.high[axis] - x < skin ? -1 : 0;
     }
+    if (most == std::array<int, 3>{}) continue;
     for (int choice = 1; choice < 8; ++choice) {
       Vec3 position = particles.position(i);
       bool is_possible = true;

@@ -329,24 +329,48 @@ void Walls::find_candidates(const double* records, std::int64_t stride, std::int
   std::vector<std::int32_t> active;
   for (std::int32_t s = 0; s < static_cast<std::int32_t>(surfaces_.size()); ++s)
     if (is_active(s, time)) active.push_back(s);
-  Touch touch;
-  for (std::int32_t grain = begin; grain < end; ++grain) {
-    const double* record = records + grain * stride;
-    const Vec3 centre = {record[0], record[1], record[2]};
-    const double near = record[3] + reach;
+  // Grains that follow each other in memory lie near each other: what the ball around a few does not meet, none of them does.
+  constexpr std::int32_t n_together = 16;
+  std::vector<std::int32_t> met;
+  for (std::int32_t first = begin; first < end; first += n_together) {
+    const std::int32_t last = std::min(end, first + n_together);
+    Box box = Box::empty();
+    double largest = 0.0;
+    for (std::int32_t grain = first; grain < last; ++grain) {
+      const double* const record = records + grain * stride;
+      if (record[0] == record[0]) box.include({record[0], record[1], record[2]});
+      largest = std::max(largest, record[3]);
+    }
+    const Vec3 middle = 0.5 * (box.low + box.high);
+    const double far = (0.5 * length(box.size()) + largest + reach) * (1.0 + 1e-9);
+    Touch touch;
+    met.clear();
     for (const std::int32_t s : active) {
       const Surface& surface = surfaces_[static_cast<std::size_t>(s)];
-      if (surface.kind != SurfaceKind::mesh) {
-        if (touch_analytic(surface, centre, near, touch)) found.list.push_back({grain, s, 0, 0});
-        continue;
-      }
-      const auto first = static_cast<std::int32_t>(found.triangles.size());
-      const Mover& mover = movers_[static_cast<std::size_t>(surface.wall)];
-      const Vec3 seen = mover.is_moving ? mover.pose.to_home(centre) : centre;
-      meshes_[static_cast<std::size_t>(surface.mesh)].find(seen, near, found.triangles);
-      const auto n = static_cast<std::int32_t>(found.triangles.size()) - first;
-      if (n > 0) found.list.push_back({grain, s, first, n});
+      if (surface.kind == SurfaceKind::mesh || touch_analytic(surface, middle, far, touch)) met.push_back(s);
     }
+    for (std::int32_t grain = first; grain < last && !met.empty(); ++grain)
+      find_candidates_of(grain, records + grain * stride, met, reach, found);
+  }
+}
+
+void Walls::find_candidates_of(std::int32_t grain, const double* record, std::span<const std::int32_t> surfaces,
+                               double reach, WallCandidates& found) const {
+  const Vec3 centre = {record[0], record[1], record[2]};
+  const double near = record[3] + reach;
+  Touch touch;
+  for (const std::int32_t s : surfaces) {
+    const Surface& surface = surfaces_[static_cast<std::size_t>(s)];
+    if (surface.kind != SurfaceKind::mesh) {
+      if (touch_analytic(surface, centre, near, touch)) found.list.push_back({grain, s, 0, 0});
+      continue;
+    }
+    const auto first = static_cast<std::int32_t>(found.triangles.size());
+    const Mover& mover = movers_[static_cast<std::size_t>(surface.wall)];
+    const Vec3 seen = mover.is_moving ? mover.pose.to_home(centre) : centre;
+    meshes_[static_cast<std::size_t>(surface.mesh)].find(seen, near, found.triangles);
+    const auto n = static_cast<std::int32_t>(found.triangles.size()) - first;
+    if (n > 0) found.list.push_back({grain, s, first, n});
   }
 }
 

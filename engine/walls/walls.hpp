@@ -98,6 +98,9 @@ class Walls {
                        double time, WallCandidates& found) const;
 
  private:
+  void find_candidates_of(std::int32_t grain, const double* record, std::span<const std::int32_t> surfaces,
+                          double reach, WallCandidates& found) const;
+
   class Builder;
   struct Mover {
     std::vector<WallMotion> motions;

@@ -1,14 +1,17 @@
 // The motion kernel against plain code, the pair filter against comparing with everything, exact sums against known results.
 #include <catch2/catch.hpp>
 
+#include <array>
 #include <bit>
 #include <cmath>
+#include <map>
 #include <numeric>
 #include <vector>
 
 #include "kernels/base/exact_sum.hpp"
 #include "kernels/motion/motion.hpp"
 #include "kernels/search/pair_filter.hpp"
+#include "kernels/search/row_order.hpp"
 #include "tests/unit/kernels_contacts.hpp"
 
 using namespace moraine;
@@ -293,6 +296,103 @@ TEST_CASE("the pair filter finds just those that comparing with everything finds
     }
   }
   CHECK(n_near > 10000);
+}
+
+TEST_CASE(
+    "the near filter finds in all runs what comparing with everything finds, with the image of its run and its band") {
+  shapes::Dice dice(42);
+  constexpr int n = 400;
+  std::vector<double> x(n + 8), y(n + 8), z(n + 8), r(n + 8), room(n + 8);
+  for (std::size_t j = 0; j < n; ++j) {
+    x[j] = dice.uniform(0, 1);
+    y[j] = dice.uniform(0, 1);
+    z[j] = dice.uniform(0, 1);
+    room[j] = dice.uniform(0.0, 0.1);
+    r[j] = dice.uniform(0.01, 0.1) + room[j];
+  }
+  const Spheres spheres{x.data(), y.data(), z.data(), r.data(), room.data()};
+  const Vec3 image_shift[] = {{}, {1.0, 0.0, 0.0}, {0.0, -1.0, 0.5}};
+  const double share[] = {0.0, 0.2, 0.5, 0.8};
+  constexpr std::size_t n_bands = 4;
+  struct Near {
+    std::int32_t grain;
+    std::uint8_t image, band;
+    bool operator==(const Near&) const = default;
+  };
+  std::array<std::size_t, n_bands> n_in_band{};
+  for (const std::int64_t target : targets()) {
+    const OnTarget on(target);
+    for (int trial = 0; trial < 1000; ++trial) {
+      std::vector<GrainRun> runs(static_cast<std::size_t>(dice.index(12)));
+      std::int64_t n_asked = 0;
+      for (GrainRun& run : runs) {
+        run.grains.begin = dice.index(n);
+        run.grains.end = run.grains.begin + dice.index(static_cast<int>(n - run.grains.begin) + 1);
+        run.image = static_cast<std::uint8_t>(dice.index(3));
+        n_asked += run.grains.size();
+      }
+      Asking asking;
+      asking.centre = dice.point({-0.2, -0.2, -0.2}, {1.2, 1.2, 1.2});
+      asking.room = dice.uniform(0.0, 0.1);
+      asking.reach = dice.uniform(0.0, 0.3) + asking.room;
+      asking.image_shift = image_shift;
+      asking.band_share = share;
+      asking.n_bands = n_bands;
+      std::vector<Near> expected;
+      for (const GrainRun& run : runs)
+        for (auto j = static_cast<std::size_t>(run.grains.begin); j < static_cast<std::size_t>(run.grains.end); ++j) {
+          const double apart = length(asking.centre + image_shift[run.image] - Vec3{x[j], y[j], z[j]});
+          if (!(apart < asking.reach + r[j])) continue;
+          const double rooms = asking.room + room[j], gap = apart - (asking.reach + r[j] - rooms);
+          std::uint8_t band = 0;
+          while (band + 1u < n_bands && gap >= share[band + 1] * rooms) ++band;
+          expected.push_back({static_cast<std::int32_t>(j), run.image, band});
+          ++n_in_band[band];
+        }
+      std::vector<std::int32_t> grain(static_cast<std::size_t>(n_asked) + 1, -7);
+      std::vector<std::uint8_t> image(grain.size(), 99), band(grain.size(), 99);
+      const bool has_images = trial % 2 == 0;
+      const int n_found = near_filter()(spheres, runs.data(), static_cast<int>(runs.size()), asking,
+                                        {grain.data(), has_images ? image.data() : nullptr, band.data()});
+      REQUIRE(n_found == static_cast<int>(expected.size()));
+      for (std::size_t k = 0; k < expected.size(); ++k)
+        REQUIRE(expected[k] == Near{grain[k], has_images ? image[k] : expected[k].image, band[k]});
+      REQUIRE(grain[expected.size()] == -7);
+      REQUIRE(image[expected.size()] == 99);
+      REQUIRE(band[expected.size()] == 99);
+    }
+  }
+  for (const std::size_t in_band : n_in_band) CHECK(in_band > 1000);
+}
+
+TEST_CASE("rows are put into the order of their keys, short ones and long ones, and nothing of one goes to another") {
+  shapes::Dice dice(43);
+  for (const std::int64_t target : targets()) {
+    const OnTarget on(target);
+    for (int trial = 0; trial < 300; ++trial) {
+      std::vector<std::uint32_t> begins{0}, values, sorted, expected;
+      std::vector<std::int64_t> keys;
+      const int n_rows = dice.index(30), longest = trial % 10 == 0 ? 200 : trial % 3 == 0 ? 40 : 12;
+      for (int row = 0; row < n_rows; ++row) {
+        std::map<std::int64_t, std::uint32_t> of_row;
+        for (int k = dice.index(longest); k > 0; --k) {
+          const auto key = static_cast<std::int64_t>(dice.uniform(0.0, trial % 2 == 0 ? 100.0 : 9.2e18));
+          if (!of_row.contains(key)) {
+            keys.push_back(key);
+            values.push_back(static_cast<std::uint32_t>(values.size() * 2654435761u));
+            of_row[key] = values.back();
+          }
+        }
+        for (const auto& [key, value] : of_row) expected.push_back(value);
+        begins.push_back(static_cast<std::uint32_t>(values.size()));
+      }
+      keys.resize(keys.size() + 7, 5);
+      sorted.assign(values.size() + 1, 77u);
+      expected.push_back(77u);
+      row_order()(begins.data(), n_rows, keys.data(), values.data(), sorted.data());
+      REQUIRE(sorted == expected);
+    }
+  }
 }
 
 TEST_CASE("an exact sum does not depend on order or on how it was shared out") {

@@ -102,6 +102,28 @@ HWY_INLINE unsigned bits(LaneMask<Real> m) {
   hn::StoreMaskBits(TagOf<Real>(), m.m, bytes);
   return bytes[0] | static_cast<unsigned>(bytes[1]) << 8;
 }
+/// first, first + 1, ... in the lanes.
+template <typename Real>
+HWY_INLINE Lanes<Real> counting_from(double first) {
+  return Lanes<Real>(first) + hn::Iota(TagOf<Real>(), Real{0});
+}
+/// The first n lanes, or all where there are no more.
+template <typename Real>
+HWY_INLINE LaneMask<Real> first_lanes(std::int64_t n) {
+  return {hn::FirstN(TagOf<Real>(), static_cast<std::size_t>(n < n_lanes<Real> ? n : n_lanes<Real>))};
+}
+/// Writes the lanes of m one behind the other, and may write anything to the lanes behind them; returns how many they are.
+template <typename Real>
+HWY_INLINE int store_together(Real* p, Lanes<Real> a, LaneMask<Real> m) {
+  return static_cast<int>(hn::CompressStore(a.v, m.m, TagOf<Real>(), p));
+}
+/// Which of n_lanes<double> whole numbers are below another: one bit each.
+HWY_INLINE unsigned bits_below(const std::int64_t* numbers, std::int64_t other) {
+  const hn::RebindToSigned<TagOf<double>> tag;
+  std::uint8_t bytes[8] = {0};
+  hn::StoreMaskBits(tag, hn::Lt(hn::LoadU(tag, numbers), hn::Set(tag, other)), bytes);
+  return bytes[0];
+}
 /// table[index[lane]] for each lane.
 template <typename Real>
 HWY_INLINE Lanes<Real> gather(const double* table, const std::uint8_t* index) {
