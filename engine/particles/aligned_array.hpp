@@ -1,4 +1,5 @@
-// A growable array of plain values, aligned for vector loads, on huge pages where it is large. Growing keeps what was there
+// A growable array of plain values, aligned for vector loads, on huge pages where it fills them: a processor
+// knows where some thousand pages lie, and must look up all others. Growing keeps what was there
 // only where asked, so that scratch arrays cost no copy. Memory lives as long as anyone holds its keeper: who shows it to the outside (Python)
 // may outlive the array.
 #pragma once
@@ -72,11 +73,12 @@ class AlignedArray {
  private:
   static T* allocate(std::size_t n) {
     constexpr std::size_t huge = std::size_t{2} << 20;
-    const std::size_t bytes = n * sizeof(T);
-    const std::size_t alignment = bytes >= 4 * huge ? huge : 64;
+    const std::size_t bytes = n * sizeof(T),
+                      on_huge_pages = (bytes + huge / 2) / huge * huge;  // not less than half full
+    const std::size_t alignment = on_huge_pages > 0 ? huge : 64;
     void* const memory = std::aligned_alloc(alignment, (bytes + alignment - 1) / alignment * alignment);
     if (!memory) throw std::bad_alloc();
-    if (alignment == huge) madvise(memory, bytes, MADV_HUGEPAGE);
+    if (on_huge_pages > 0) madvise(memory, on_huge_pages, MADV_HUGEPAGE);
     return static_cast<T*>(memory);
   }
 
