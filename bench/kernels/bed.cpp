@@ -145,9 +145,7 @@ GrainSums Bed::sums(const LawChoice& choice) {
   s.first_grain = mine.grain_begin;
   s.offsets = mine.offsets.data();
   s.entries = mine.entries.data();
-  s.ring = mine.ring.data();
-  s.ring_mask = mine.ring_mask;
-  s.kept = pairs.kept_slots();
+  s.slots = pairs.slots();
   s.inside = domain;
   s.kick.gain = s.kick.time = s.kick.drift = dt;
   s.kick.gravity = {0.0, 0.0, -9.81};

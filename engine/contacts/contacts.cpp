@@ -268,9 +268,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   sums.first_grain = mine.grain_begin;
   sums.offsets = mine.offsets.data();
   sums.entries = mine.entries.data();
-  sums.ring = mine.ring.data();
-  sums.ring_mask = mine.ring_mask;
-  sums.kept = pairs_.kept_slots();
+  sums.slots = pairs_.slots();
   sums.mass_unit = mass_unit_;
   sums.inside = domain_;
   sums.kick = kick;
@@ -322,7 +320,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   const auto sweep_kept = [&](const Tile& tile, double share) {
     const std::int64_t far = PairList::far_begin(tile.kept_bands, tile.pair_end, share);
     if (far > tile.kept_begin)
-      note(kernels_.pairs(sweep, {tile.kept_begin, far}, pairs_.kept_slots() + tile.kept_slot * slot));
+      note(kernels_.pairs(sweep, {tile.kept_begin, far}, pairs_.slots() + tile.kept_slot * slot));
   };
   const std::size_t n_tiles = mine.tiles.size() - (mine.has_border ? 1 : 0);
   double begin = threads::now();
@@ -334,7 +332,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
       const std::int64_t place = k & mine.ring_mask;
       const std::int64_t end =
           std::min(k < far ? far : tile.kept_begin, k + (std::int64_t{mine.ring_mask} + 1 - place));
-      std::byte* const slots = mine.ring.data() + place * slot;
+      std::byte* const slots = pairs_.slots() + (mine.ring_begin + place) * slot;
       if (k < far)
         note(kernels_.pairs(sweep, {k, end}, slots));
       else  // what cannot touch gives nothing

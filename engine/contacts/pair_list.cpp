@@ -4,6 +4,7 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "engine/threads.hpp"
@@ -159,8 +160,14 @@ void PairList::build(const Particles& particles, const Cells& cells, const SizeG
     barrier();
     lay_out(place, needs, was_at, carry, thread);
   });
+  n_ring_slots_ = 0;
+  for (ThreadPairs& t : threads_) {
+    t.ring_begin = n_ring_slots_;
+    n_ring_slots_ += t.ring_mask + 1;
+  }
+  kept_base_[0] = n_ring_slots_;
   for (std::size_t t = 0; t < at(n_active); ++t) kept_base_[t + 1] += kept_base_[t];
-  kept_.resize_discarding(at(std::int64_t{kept_base_.back()} * needs.slot_size) * number_size(needs.is_mixed));
+  slots_.resize_discarding(at(std::int64_t{kept_base_.back()} * needs.slot_size) * number_size(needs.is_mixed));
   n_last_ = size();
   raw_.clear();
   parallel(n_active, [&](int thread) { index_entries(particles, needs, thread); });
@@ -443,6 +450,11 @@ void PairList::lay_out(const SearchPlace& place, const PairNeeds& needs, std::sp
   mine.tiles.clear();
   mine.plain.clear();
   mine.deferred.clear();
+  mine.offsets.resize_discarding(at(mine.grain_end - mine.grain_begin) + 1);
+  std::fill(mine.offsets.begin(), mine.offsets.end(), 0u);
+  std::uint32_t* const n_entries = mine.offsets.data() + 1;  // of each grain, in pairs of this thread
+  std::vector<std::int64_t> earliest(at(n_tiles),
+                                     std::numeric_limits<std::int64_t>::max());  // in the ring, of each tile
 
   const std::int32_t dummy = particles.dummy();
   const bool may_remember = needs.memory.has_history && !carry.items.empty();
@@ -481,6 +493,12 @@ void PairList::lay_out(const SearchPlace& place, const PairNeeds& needs, std::sp
     if (needs.has_species)
       mine.species[p] = needs.species_table[particles.material(i) * needs.n_materials + particles.material(j)];
     if (one.item != PairCarry::none) mine.set_memory(place_in_list, carry.memory(one.item));
+    ++n_entries[i - mine.grain_begin];
+    if (j < mine.grain_end) ++n_entries[j - mine.grain_begin];
+    if (!one.is_kept) {
+      std::int64_t& first = earliest[at((j - mine.grain_begin) / tile_size)];
+      first = std::min(first, place_in_list);
+    }
     if (j >= mine.grain_end && particles.is_owned(j))
       cross_[at(thread)].push_back({j, i,
                                     n_kept + static_cast<std::uint32_t>(place_in_list - mine.tiles.back().kept_begin),
@@ -541,6 +559,16 @@ void PairList::lay_out(const SearchPlace& place, const PairNeeds& needs, std::sp
     put_listed();
   }
   kept_base_[at(thread) + 1] = n_kept;
+  // The ring must hold all pairs from the earliest that a tile's grains need to the last of the tile.
+  std::int64_t need = pair_group;
+  for (std::size_t t = 0; t < mine.tiles.size(); ++t)
+    need = std::max(need, mine.tiles[t].kept_begin - std::min(mine.tiles[t].ring_begin, earliest[t]) + pair_group);
+  mine.ring_mask = static_cast<std::uint32_t>(std::bit_ceil(static_cast<std::uint64_t>(need)) - 1);
+}
+
+std::int64_t ThreadPairs::pair_in_ring(std::int32_t i, std::uint32_t place) const {
+  const std::int64_t last = tiles[at((i - grain_begin) / tile_size)].kept_begin - 1;
+  return last - ((last - (place - ring_begin)) & ring_mask);
 }
 
 void PairList::index_entries(const Particles& particles, const PairNeeds& needs, int thread) {
@@ -549,58 +577,41 @@ void PairList::index_entries(const Particles& particles, const PairNeeds& needs,
   const auto slot_bytes = static_cast<std::int64_t>(at(needs.slot_size) * number_size(needs.is_mixed));
   for (Tile& tile : mine.tiles) {
     tile.kept_slot += kept_base_[at(thread)];
-    std::fill_n(kept_.data() + tile.kept_slot * slot_bytes, (tile.pair_end - tile.kept_begin) * slot_bytes,
+    std::fill_n(slots_.data() + tile.kept_slot * slot_bytes, (tile.pair_end - tile.kept_begin) * slot_bytes,
                 std::byte{});
   }
-
-  // Count, place, sort each grain's entries by the other's gid.
-  const auto each_end = [&](auto f) {  // f(grain, other, entry, image as stored)
-    for (const Tile& tile : mine.tiles)
-      for (std::int64_t k = tile.ring_begin; k < tile.pair_end; ++k) {
-        const std::size_t p = at(k);
-        const std::int32_t a = mine.a[p], b = mine.b[p];
-        if (a == dummy) continue;
-        const bool is_kept = k >= tile.kept_begin;
-        const auto slot =
-            is_kept ? tile.kept_slot + static_cast<std::uint32_t>(k - tile.kept_begin) : static_cast<std::uint32_t>(k);
-        const std::uint8_t code = needs.has_images ? mine.image[p] : std::uint8_t{0};
-        if (a < end) f(a, b, make_entry(slot, is_kept, false), code);
-        if (b < end) f(b, a, make_entry(slot, is_kept, true), code);
-      }
+  const auto each_from_before = [&](auto f) {  // pairs of earlier threads with grains of this one
     for (int earlier = 0; earlier < thread; ++earlier)
       for (const CrossPair& pair : cross_[at(earlier)])
-        if (pair.grain >= first && pair.grain < end)
-          f(pair.grain, pair.other, make_entry(kept_base_[at(earlier)] + pair.slot, true, pair.is_b), pair.image);
+        if (pair.grain >= first && pair.grain < end) f(pair, kept_base_[at(earlier)] + pair.slot);
   };
-  mine.offsets.resize_discarding(at(end - first) + 1);
-  std::fill(mine.offsets.begin(), mine.offsets.end(), 0u);
   std::uint32_t* const offsets = mine.offsets.data();
-  each_end([&](std::int32_t grain, std::int32_t, Entry, std::uint8_t) { ++offsets[grain - first + 1]; });
+  each_from_before([&](const CrossPair& pair, std::uint32_t) { ++offsets[pair.grain - first + 1]; });
   for (std::int32_t i = first; i < end; ++i) offsets[i - first + 1] += offsets[i - first];
   const std::size_t n_entries = offsets[end - first];
   std::vector<std::int64_t> keys(n_entries + 7);
   std::vector<Entry> entries(n_entries);
   std::vector<std::uint32_t> next(offsets, offsets + (end - first));
-  // The ring must hold all pairs from the earliest that a tile's grains need to the last of the tile.
-  std::vector<std::int64_t> earliest;
-  for (const Tile& tile : mine.tiles) earliest.push_back(tile.ring_begin);
-  each_end([&](std::int32_t grain, std::int32_t other, Entry entry, std::uint8_t code) {
+  const auto put = [&](std::int32_t grain, std::int32_t other, std::uint32_t slot, bool is_b, std::uint8_t code) {
     const std::uint32_t q = next[at(grain - first)]++;
-    entries[q] = entry;
-    keys[q] = static_cast<std::int64_t>(PairCarry::key(particles.gid(other), code) << 1 | (entry & entry_is_b));
-    if (entry & entry_is_kept) return;
-    std::int64_t& since = earliest[at((grain - first) / tile_size)];
-    since = std::min<std::int64_t>(since, entry >> 2);
-  });
+    entries[q] = make_entry(slot, is_b);
+    keys[q] = static_cast<std::int64_t>(PairCarry::key(particles.gid(other), code) << 1 | is_b);
+  };
+  for (const Tile& tile : mine.tiles)
+    for (std::int64_t k = tile.ring_begin; k < tile.pair_end; ++k) {
+      const std::int32_t a = mine.a[at(k)], b = mine.b[at(k)];
+      if (a == dummy) continue;
+      const std::uint32_t slot = k < tile.kept_begin
+                                     ? mine.ring_begin + (static_cast<std::uint32_t>(k) & mine.ring_mask)
+                                     : tile.kept_slot + static_cast<std::uint32_t>(k - tile.kept_begin);
+      const std::uint8_t code = mine.image_of(k);
+      if (a < end) put(a, b, slot, false, code);
+      if (b < end) put(b, a, slot, true, code);
+    }
+  each_from_before(
+      [&](const CrossPair& pair, std::uint32_t slot) { put(pair.grain, pair.other, slot, pair.is_b, pair.image); });
   mine.entries.resize_discarding(n_entries);
   row_order()(offsets, end - first, keys.data(), entries.data(), mine.entries.data());
-
-  std::int64_t need = pair_group;
-  for (std::size_t t = 0; t < mine.tiles.size(); ++t)
-    need = std::max(need, mine.tiles[t].kept_begin - earliest[t] + pair_group);
-  const auto capacity = std::bit_ceil(static_cast<std::uint64_t>(need));
-  mine.ring_mask = static_cast<std::uint32_t>(capacity - 1);
-  mine.ring.resize_discarding(capacity * at(needs.slot_size) * number_size(needs.is_mixed));
 }
 
 PairCarry PairList::carry(const Particles& particles, std::span<const std::uint8_t> is_leaving, bool has_energy,
@@ -665,11 +676,10 @@ PairCarry PairList::carry(const Particles& particles, std::span<const std::uint8
 }
 
 void PairList::release_index() {
-  kept_.release();
+  slots_.release();
   for (ThreadPairs& t : threads_) {
     t.entries.release();
     t.offsets.release();
-    t.ring.release();
   }
 }
 
@@ -688,11 +698,11 @@ std::int64_t PairList::size() const {
 }
 
 std::size_t PairList::memory() const {
-  std::size_t bytes = kept_.capacity_bytes() + is_deferred_.capacity();
+  std::size_t bytes = slots_.capacity_bytes() + is_deferred_.capacity();
   for (const ThreadPairs& t : threads_)
     bytes += t.a.capacity_bytes() + t.b.capacity_bytes() + t.image.capacity_bytes() + t.species.capacity_bytes() +
              t.history.capacity_bytes() + t.offsets.capacity_bytes() + t.entries.capacity_bytes() +
-             t.ring.capacity_bytes() + (t.plain.capacity() + t.deferred.capacity()) * sizeof(std::int32_t);
+             (t.plain.capacity() + t.deferred.capacity()) * sizeof(std::int32_t);
   return bytes;
 }
 
@@ -703,11 +713,11 @@ void PairList::for_each_of(std::int32_t i, Function f) {
     if (i < t.grain_begin || i >= t.grain_end) continue;
     for (std::uint32_t q = t.offsets[at(i - t.grain_begin)]; q < t.offsets[at(i - t.grain_begin) + 1]; ++q) {
       const Entry entry = t.entries[q];
-      const std::uint32_t slot = entry >> 2;
+      const std::uint32_t slot = entry >> 1;
       for (ThreadPairs& owner : threads_) {  // a kept slot may be another thread's
         std::int64_t k = -1;
-        if (!(entry & entry_is_kept)) {
-          if (&owner == &t) k = slot;
+        if (is_in_ring(entry)) {
+          if (&owner == &t) k = t.pair_in_ring(i, slot);
         } else {
           const auto tile = std::upper_bound(owner.tiles.begin(), owner.tiles.end(), slot,
                                              [](std::uint32_t s, const Tile& x) { return s < x.kept_slot; });

@@ -58,7 +58,7 @@ struct Tile {
   std::int64_t kept_begin = 0;  // ... then those whose slots are kept
   BandBegins kept_bands{};
   std::int64_t pair_end = 0;
-  std::uint32_t kept_slot = 0;                    // slot of the pair at kept_begin
+  std::uint32_t kept_slot = 0;                    // place of the slot of the pair at kept_begin
   std::int64_t plain_begin = -1, plain_end = -1;  // grains that are not deferred, in ThreadPairs::plain; -1: all are
 };
 
@@ -75,13 +75,15 @@ struct ThreadPairs {
   bool is_mixed = false;  // floats, there and in the slots
   AlignedArray<std::uint32_t> offsets;  // entries of each of the thread's grains
   AlignedArray<Entry> entries;
-  AlignedArray<std::byte> ring;
+  std::uint32_t ring_begin = 0;  // place of the ring among the slots: that of pair k's is ring_begin + (k & ring_mask)
   std::uint32_t ring_mask = 0;
   bool has_border = false;          // the last tile holds the border pairs
   std::vector<std::int32_t> plain;  // where tiles have deferred grains
   std::vector<std::int32_t> deferred;
   std::int64_t n_pairs = 0;  // without the dummies that fill groups up
 
+  /// The pair of grain i whose slot lies there in the ring: the last one there by the end of its tile.
+  std::int64_t pair_in_ring(std::int32_t i, std::uint32_t place) const;
   /// What pair k remembers; all zero for laws without history.
   PairMemory memory(std::int64_t k) const {
     PairMemory m{};
@@ -232,7 +234,9 @@ class PairList {
 
   std::vector<ThreadPairs>& threads() { return threads_; }
   const std::vector<ThreadPairs>& threads() const { return threads_; }
-  std::byte* kept_slots() { return kept_.data(); }
+  /// Of all pairs: the rings of the threads, then those that are kept.
+  std::byte* slots() { return slots_.data(); }
+  bool is_in_ring(Entry entry) const { return entry >> 1 < n_ring_slots_; }
   /// Pairs of the bands from here to `end` cannot touch as long as no two grains have come nearer by more than this share of the rooms of
   /// both since the rebuild. A kept slot of theirs is zero until they are swept for the first time.
   static std::int64_t far_begin(const BandBegins& bands, std::int64_t end, double used);
@@ -317,7 +321,7 @@ class PairList {
   struct CrossPair {
     std::int32_t grain;  // the later one
     std::int32_t other;
-    std::uint32_t slot;  // in the kept slots of the earlier thread
+    std::uint32_t slot;  // among the kept slots of the earlier thread
     std::uint8_t image;  // as stored
     bool is_b;           // grain is b
   };
@@ -329,11 +333,12 @@ class PairList {
   std::int64_t n_tested_ = 0;
   std::int64_t n_last_ = 0;                    // pairs of the last list, to expect as many
   std::vector<std::vector<CrossPair>> cross_;  // by owning thread
-  std::vector<std::uint32_t> kept_base_;       // first kept slot of each thread
+  std::vector<std::uint32_t> kept_base_;       // place of the first kept slot of each thread
   std::vector<std::uint8_t> is_deferred_;
   std::vector<ThreadPairs> threads_;
   std::vector<double> ends_;  // of the threads' shares, of all counted work; other than n threads: all have the same
-  AlignedArray<std::byte> kept_;
+  AlignedArray<std::byte> slots_;
+  std::uint32_t n_ring_slots_ = 0;
 };
 
 }  // namespace moraine

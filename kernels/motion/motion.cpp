@@ -28,21 +28,18 @@ struct Sum {
 template <bool has_rotation, bool has_ledger, bool has_further, typename Real>
 HWY_INLINE Sum sum_of_contacts(const GrainSums& sums, std::int32_t i, std::int64_t& w) {
   constexpr int slot = slot_size(has_rotation, has_ledger, has_further);
-  const Real* const slots[2] = {static_cast<const Real*>(sums.ring), static_cast<const Real*>(sums.kept)};
-  const std::uint32_t masks[2] = {sums.ring_mask, ~std::uint32_t{0}};
+  const Real* const slots = static_cast<const Real*>(sums.slots);
   Sum sum{set_quad(0.0), set_quad(0.0), set_quad(0.0)};
   const std::uint32_t end = sums.offsets[i - sums.first_grain + 1];
   for (std::uint32_t q = sums.offsets[i - sums.first_grain]; q < end; ++q) {
     const Entry entry = sums.entries[q];
-    // Which grain of the pair it is, and where its slot is, no processor foresees: addresses instead of branches.
-    const std::uint64_t is_b = entry & entry_is_b, is_kept = entry / entry_is_kept & 1;
-    const Real* const s = slots[is_kept] + std::int64_t{entry >> 2 & masks[is_kept]} * slot;
-    const Quad f = load_quad(s);
-    sum.force = sum.force + flip_sign(f, is_b << 63);
+    const std::uint64_t is_b = entry & entry_is_b;  // no processor foresees it: addresses instead of branches
+    const Real* const s = slots + std::int64_t{entry >> 1} * slot;
+    sum.force = sum.force + flip_sign_if(is_b, load_quad(s));
     if constexpr (has_rotation) {
       const Quad m = load_quad(s + 4);
       sum.moment = sum.moment - set_quad(static_cast<double>(s[3 + 4 * is_b])) * m;
-      if constexpr (has_further) sum.moment = sum.moment + flip_sign(load_quad(s + 8), is_b << 63);
+      if constexpr (has_further) sum.moment = sum.moment + flip_sign_if(is_b, load_quad(s + 8));
     }
     if constexpr (has_ledger)
       if (!is_b) sum.lost = sum.lost + load_quad(s + slot - 4);

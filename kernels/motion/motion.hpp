@@ -16,13 +16,10 @@
 
 namespace moraine {
 
-/// Where a pair's slot is and with which sign it enters: slot index << 2 | is_kept << 1 | is_b.
+/// Where a pair's slot is, and with which sign it enters: its place among all slots << 1 | is_b.
 using Entry = std::uint32_t;
 inline constexpr Entry entry_is_b = 1;
-inline constexpr Entry entry_is_kept = 2;
-constexpr Entry make_entry(std::uint32_t slot, bool is_kept, bool is_b) {
-  return slot << 2 | (is_kept ? entry_is_kept : 0) | (is_b ? entry_is_b : 0);
-}
+constexpr Entry make_entry(std::uint32_t slot, bool is_b) { return slot << 1 | (is_b ? entry_is_b : 0); }
 
 /// The kick of one step.
 struct Kick {
@@ -41,10 +38,8 @@ struct GrainSums {
   std::int32_t first_grain = 0;            // offsets[0] belongs to this grain
   const std::uint32_t* offsets = nullptr;  // entries of grain i: [offsets[i - first], offsets[i - first + 1])
   const Entry* entries = nullptr;
-  const void* ring = nullptr;  // slots, by slot index & ring_mask: doubles, with mixed precision floats
-  std::uint32_t ring_mask = 0;
-  const void* kept = nullptr;  // slots that stay, by slot index
-  double mass_unit = 1.0;      // [kg] of what is in these, with mixed precision
+  const void* slots = nullptr;  // of all pairs: doubles, with mixed precision floats
+  double mass_unit = 1.0;       // [kg] of what is in these, with mixed precision
   // Wall touches of the grains to be advanced, in their order.
   const std::int32_t* wall_grain = nullptr;
   const double* wall_slots = nullptr;

@@ -202,10 +202,11 @@ TEST_CASE(
           std::tuple<std::uint64_t, int, int> last{0, -1, -1};
           for (std::uint32_t q = mine.offsets[first]; q < mine.offsets[first + 1]; ++q) {
             const Entry entry = mine.entries[q];
-            const bool is_b = (entry & entry_is_b) != 0, is_kept = (entry & entry_is_kept) != 0;
+            const bool is_b = (entry & entry_is_b) != 0, is_kept = !built.list.is_in_ring(entry);
             const auto& slots = is_kept ? kept : ring[t];
             (is_kept ? n_kept : n_ring) += 1;
-            const auto slot = slots.find(entry >> 2);
+            const auto slot =
+                slots.find(is_kept ? entry >> 1 : static_cast<std::uint32_t>(mine.pair_in_ring(i, entry >> 1)));
             REQUIRE(slot != slots.end());
             REQUIRE((is_b ? slot->second.b : slot->second.a) == i);
             const std::int32_t other = is_b ? slot->second.a : slot->second.b;
@@ -243,10 +244,13 @@ TEST_CASE("ring slots of a tile's grains are not overwritten before the tile is 
           for (std::int32_t i = tile.grain_begin; i < tile.grain_end; ++i)
             for (std::uint32_t q = mine.offsets[static_cast<std::size_t>(i - mine.grain_begin)];
                  q < mine.offsets[static_cast<std::size_t>(i - mine.grain_begin) + 1]; ++q) {
-              if (mine.entries[q] & entry_is_kept) continue;
-              const std::int64_t slot = mine.entries[q] >> 2;
-              REQUIRE(slot < newest);                                      // filled by now ...
-              REQUIRE(newest - slot <= std::int64_t{mine.ring_mask} + 1);  // ... and still there
+              if (!built.list.is_in_ring(mine.entries[q])) continue;
+              const std::uint32_t place = mine.entries[q] >> 1;
+              const std::int64_t pair = mine.pair_in_ring(i, place);
+              REQUIRE((mine.a[static_cast<std::size_t>(pair)] == i || mine.b[static_cast<std::size_t>(pair)] == i));
+              REQUIRE(place == mine.ring_begin + (static_cast<std::uint32_t>(pair) & mine.ring_mask));
+              REQUIRE(pair < newest);                                      // filled by now ...
+              REQUIRE(newest - pair <= std::int64_t{mine.ring_mask} + 1);  // ... and still there
             }
         }
       CHECK(n_tiles > 5);

@@ -23,7 +23,7 @@ namespace {
 struct MotionSetup {
   bool has_rotation, has_ledger;
   int n = 301;
-  AlignedArray<double> records, ring, kept, walls, dissipated;
+  AlignedArray<double> records, slots, walls, dissipated;
   std::vector<std::uint32_t> offsets;
   std::vector<Entry> entries;
   std::vector<std::int32_t> wall_grain;
@@ -40,8 +40,7 @@ struct MotionSetup {
       for (double& x : array) x = dice.uniform(-1.0, 1.0);
     };
     fill(records, (count + 1) * stride);
-    fill(ring, 256 * slot);
-    fill(kept, 300 * slot);
+    fill(slots, 556 * slot);
     fill(walls, 200 * slot);
     fill(dissipated, 4 * count);
     for (std::size_t i = 0; i < count; ++i) records[i * stride + 3] = records[i * stride + 7] = dice.uniform(0.5, 2.0);
@@ -49,9 +48,8 @@ struct MotionSetup {
     for (int i = 0; i < n; ++i) {
       const int n_entries = dice.index(9);
       for (int q = 0; q < n_entries; ++q) {
-        const bool is_kept = dice.index(3) == 0;
-        entries.push_back(make_entry(static_cast<std::uint32_t>(is_kept ? dice.index(300) : 1000 + dice.index(256)),
-                                     is_kept, dice.index(2) == 0));
+        const int place = dice.index(556);
+        entries.push_back(make_entry(static_cast<std::uint32_t>(place), dice.index(2) == 0));
       }
       offsets.push_back(static_cast<std::uint32_t>(entries.size()));
       for (int q = dice.index(3); q > 1 && wall_grain.size() < 200; --q) wall_grain.push_back(i);
@@ -61,9 +59,7 @@ struct MotionSetup {
     sums.records = records.data();
     sums.offsets = offsets.data();
     sums.entries = entries.data();
-    sums.ring = ring.data();
-    sums.ring_mask = 255;
-    sums.kept = kept.data();
+    sums.slots = slots.data();
     sums.wall_grain = wall_grain.data();
     sums.wall_slots = walls.data();
     sums.n_wall = static_cast<std::int64_t>(wall_grain.size());
@@ -95,9 +91,7 @@ PlainGrain plain_advance(const MotionSetup& m, int i) {
   };
   for (std::uint32_t q = m.offsets[static_cast<std::size_t>(i)]; q < m.offsets[static_cast<std::size_t>(i) + 1]; ++q) {
     const Entry entry = m.entries[q];
-    const std::size_t index = entry >> 2;
-    add(entry & entry_is_kept ? m.kept.data() + index * slot : m.ring.data() + (index & 255) * slot,
-        (entry & entry_is_b) != 0);
+    add(m.slots.data() + (entry >> 1) * slot, (entry & entry_is_b) != 0);
   }
   for (std::size_t w = 0; w < m.wall_grain.size(); ++w)
     if (m.wall_grain[w] == i) add(m.walls.data() + w * slot, false);

@@ -214,10 +214,10 @@ HWY_INLINE Quad last_of(Quad a) {
 }
 /// x y z of a, and the last of b.
 HWY_INLINE Quad with_last(Quad a, Quad b) { return {hn::IfThenElse(hn::FirstN(QuadTag(), 3), a.v, b.v)}; }
-/// -a where flip is the sign bit in all four places, a where it is zero.
-HWY_INLINE Quad flip_sign(Quad a, std::uint64_t flip) {
-  const auto bits64 = hn::Set(hn::FixedTag<std::uint64_t, 4>(), flip);
-  return {hn::Xor(a.v, hn::BitCast(QuadTag(), bits64))};
+/// -a where flips is one, a where it is zero.
+HWY_INLINE Quad flip_sign_if(std::uint64_t flips, Quad a) {
+  alignas(32) static constexpr double signs[2][4] = {{0.0, 0.0, 0.0, 0.0}, {-0.0, -0.0, -0.0, -0.0}};
+  return {hn::Xor(a.v, hn::Load(QuadTag(), signs[flips]))};
 }
 HWY_INLINE Quad or_outside(Quad seen, Quad x, Quad low, Quad high) {
   const auto outside = hn::Or(hn::Lt(x.v, low.v), hn::Ge(x.v, high.v));
@@ -404,8 +404,8 @@ HWY_INLINE Quad max(Quad a, Quad b) {
 }
 HWY_INLINE Quad last_of(Quad a) { return set_quad(a.v[3]); }
 HWY_INLINE Quad with_last(Quad a, Quad b) { return {{a.v[0], a.v[1], a.v[2], b.v[3]}}; }
-HWY_INLINE Quad flip_sign(Quad a, std::uint64_t flip) {
-  return flip ? each([&](int k) { return -a.v[k]; }) : a;
+HWY_INLINE Quad flip_sign_if(std::uint64_t flips, Quad a) {
+  return flips ? each([&](int k) { return -a.v[k]; }) : a;
 }
 HWY_INLINE Quad or_outside(Quad seen, Quad x, Quad low, Quad high) {
   return each([&](int k) { return x.v[k] < low.v[k] || x.v[k] >= high.v[k] ? 1.0 : seen.v[k]; });
