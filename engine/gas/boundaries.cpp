@@ -64,12 +64,14 @@ double interpolated(const std::vector<std::array<double, 2>>& ramp, double time)
   return ramp.back()[1];
 }
 
-/// Calls visit(i, j, memory index of the cell next to the surface, step of the index outwards).
+/// Calls visit(i, j, memory index of the cell next to the surface, step of the index outwards), for the thread's share of the rows.
 template <typename Visit>
-void for_each_cell(const BoundarySurface& surface, const GridLayout& layout, int around, Visit visit) {
+void for_each_cell(const BoundarySurface& surface, const GridLayout& layout, int around, const Team& team,
+                   Visit visit) {
   const int a = surface.axis, inner = surface.is_high ? layout.size[index(a)] - 1 : 0;
   const std::int64_t outwards = surface.is_high ? layout.stride(a) : -layout.stride(a);
-  for (int j = -around; j < surface.size[1] + around; ++j)
+  const Range rows = team.share(surface.size[1] + 2 * around);
+  for (int j = static_cast<int>(rows.begin) - around; j < static_cast<int>(rows.end) - around; ++j)
     for (int i = -around; i < surface.size[0] + around; ++i) {
       std::array<int, 3> cell{};
       cell[index(a)] = inner;
@@ -80,6 +82,16 @@ void for_each_cell(const BoundarySurface& surface, const GridLayout& layout, int
 }
 
 }  // namespace
+
+/// Calls visit(surface) for all, those along one axis before those along the next: what lies beyond an edge comes from what lies beyond a face.
+template <typename Visit>
+void Boundaries::axis_by_axis(const Team& team, Visit visit) const {
+  for (int axis = 0; axis < 3; ++axis) {
+    for (const BoundarySurface& surface : surfaces_)
+      if (surface.axis == axis) visit(surface);
+    team.sync();
+  }
+}
 
 Boundaries::Boundaries(const Gas& gas, const GasGrid& grid, const CellBlock& block)
     : entries_(gas.boundaries), is_flat_(grid.is_flat) {
@@ -180,20 +192,24 @@ std::vector<double> Boundaries::ramps(double time) const {
   return all;
 }
 
-void Boundaries::mirror(GridField<>& cells) const {
-  double* const values = cells.data();
-  for (const BoundarySurface& surface : surfaces_)
-    for_each_cell(surface, cells.layout(), gas_ghosts, [&](int, int, std::int64_t at, std::int64_t outwards) {
-      values[at + outwards] = values[at + 2 * outwards] = values[at];
-    });
+void Boundaries::mirror(std::span<GridField<>* const> fields, const Team& team) const {
+  axis_by_axis(team, [&](const BoundarySurface& surface) {
+    for (GridField<>* const cells : fields) {
+      double* const values = cells->data();
+      for_each_cell(surface, cells->layout(), gas_ghosts, team, [&](int, int, std::int64_t at, std::int64_t outwards) {
+        values[at + outwards] = values[at + 2 * outwards] = values[at];
+      });
+    }
+  });
 }
 
-void Boundaries::set_given(const GridField<>& void_fraction, double time, std::array<GridField<>, 3>& velocity) const {
+void Boundaries::set_given(const GridField<>& void_fraction, double time, std::array<GridField<>, 3>& velocity,
+                           const Team& team) const {
   const std::vector<double> factors = ramps(time);
   for (const BoundarySurface& surface : surfaces_) {
     double* const u = velocity[index(surface.axis)].data();
     const std::int64_t to_face = surface.is_high ? void_fraction.layout().stride(surface.axis) : 0;
-    for_each_cell(surface, void_fraction.layout(), gas_ghosts, [&](int i, int j, std::int64_t at, std::int64_t) {
+    for_each_cell(surface, void_fraction.layout(), gas_ghosts, team, [&](int i, int j, std::int64_t at, std::int64_t) {
       const BoundaryFace& face = surface.at(i, j);
       if (face.kind == Kind::velocity)
         u[at + to_face] =
@@ -205,7 +221,7 @@ void Boundaries::set_given(const GridField<>& void_fraction, double time, std::a
 }
 
 void Boundaries::extend_along(const BoundarySurface& surface, int component, const GridField<>& void_fraction,
-                              const std::vector<double>& factors, GridField<>& velocity) const {
+                              const std::vector<double>& factors, GridField<>& velocity, const Team& team) const {
   const GridLayout& layout = velocity.layout();
   const std::int64_t s = layout.stride(component);
   const bool is_first = surface.along[0] == component;
@@ -219,7 +235,7 @@ void Boundaries::extend_along(const BoundarySurface& surface, int component, con
     const double given = face.velocity[component] * factors[static_cast<std::size_t>(face.entry)];
     return {-1.0, 2.0 * (face.kind == Kind::velocity ? given / held[cell] : given)};
   };
-  for_each_cell(surface, layout, gas_ghosts, [&](int i, int j, std::int64_t at, std::int64_t outwards) {
+  for_each_cell(surface, layout, gas_ghosts, team, [&](int i, int j, std::int64_t at, std::int64_t outwards) {
     const bool has_lower = (is_first ? i : j) > -gas_ghosts;
     const auto here = rule(i, j, at);
     const auto lower = has_lower ? rule(is_first ? i - 1 : i, is_first ? j : j - 1, at - s) : here;
@@ -230,13 +246,14 @@ void Boundaries::extend_along(const BoundarySurface& surface, int component, con
   });
 }
 
-void Boundaries::extend(const GridField<>& void_fraction, double time, std::array<GridField<>, 3>& velocity) const {
+void Boundaries::extend(const GridField<>& void_fraction, double time, std::array<GridField<>, 3>& velocity,
+                        const Team& team) const {
   const std::vector<double> factors = ramps(time);
-  for (const BoundarySurface& surface : surfaces_) {
+  axis_by_axis(team, [&](const BoundarySurface& surface) {
     for (int c = 0; c < (is_flat_ ? 2 : 3); ++c)
-      if (c != surface.axis) extend_along(surface, c, void_fraction, factors, velocity[index(c)]);
+      if (c != surface.axis) extend_along(surface, c, void_fraction, factors, velocity[index(c)], team);
     double* const u = velocity[index(surface.axis)].data();
-    for_each_cell(surface, void_fraction.layout(), gas_ghosts,
+    for_each_cell(surface, void_fraction.layout(), gas_ghosts, team,
                   [&](int i, int j, std::int64_t at, std::int64_t outwards) {
                     double* const face = u + at + (surface.is_high ? outwards : 0);
                     // None at an outlet, so that what enters there is upwind of what is inside.
@@ -245,14 +262,14 @@ void Boundaries::extend(const GridField<>& void_fraction, double time, std::arra
                     if (!surface.is_high)
                       face[2 * outwards] = face[0] + 2.0 * slope;  // on the high side that is beyond the layers
                   });
-  }
+  });
 }
 
-void Boundaries::extend_pressure(GridField<>& pressure, double share) const {
+void Boundaries::extend_pressure(GridField<>& pressure, double share, const Team& team) const {
   double* const p = pressure.data();
-  for (const bool at_outlets : {true, false})  // a wall may need what lies beyond an outlet one cell away
+  for (const bool at_outlets : {true, false}) {  // a wall may need what lies beyond an outlet one cell away
     for (const BoundarySurface& surface : surfaces_)
-      for_each_cell(surface, pressure.layout(), 0, [&](int i, int j, std::int64_t at, std::int64_t outwards) {
+      for_each_cell(surface, pressure.layout(), 0, team, [&](int i, int j, std::int64_t at, std::int64_t outwards) {
         const BoundaryFace& face = surface.at(i, j);
         if ((face.kind == Kind::pressure) != at_outlets) return;
         if (at_outlets) {
@@ -266,6 +283,8 @@ void Boundaries::extend_pressure(GridField<>& pressure, double share) const {
         const bool is_closed = opposite && opposite->at(i, j).kind != Kind::pressure;
         p[at + outwards] = is_closed ? p[at] : p[at] + (p[at] - p[at - outwards]);
       });
+    team.sync();
+  }
 }
 
 }  // namespace moraine

@@ -3,10 +3,12 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "engine/gas/grid.hpp"
 #include "engine/gas/grid_field.hpp"
+#include "engine/gas/team.hpp"
 #include "engine/scene/scene.hpp"
 
 namespace moraine {
@@ -42,21 +44,28 @@ class Boundaries {
   /// Factor of an entry's velocity at a time [s].
   double ramp(int entry, double time) const;
 
+  // All threads of a team call these together; when one returns to them, all that it does is done.
+
   /// Values beyond the domain as the nearest ones inside.
-  void mirror(GridField<>& cells) const;
-  /// Velocities on the faces of the domain where they are given, at `time`; those at pressure outlets stay.
-  void set_given(const GridField<>& void_fraction, double time, std::array<GridField<>, 3>& velocity) const;
+  void mirror(std::span<GridField<>* const> fields, const Team& team) const;
+  /// Velocities on the faces of the domain where they are given, at `time`; those at pressure outlets stay. Each thread sees only what it
+  /// has done itself.
+  void set_given(const GridField<>& void_fraction, double time, std::array<GridField<>, 3>& velocity,
+                 const Team& team) const;
   /// Velocities beyond the domain, from those inside and on its faces.
-  void extend(const GridField<>& void_fraction, double time, std::array<GridField<>, 3>& velocity) const;
+  void extend(const GridField<>& void_fraction, double time, std::array<GridField<>, 3>& velocity,
+              const Team& team) const;
   /// Pressures beyond the domain: such that a pressure outlet has its pressure (`share` of it) on the face, and at
   /// walls the gradient is that of the next faces inside.
-  void extend_pressure(GridField<>& pressure, double share) const;
+  void extend_pressure(GridField<>& pressure, double share, const Team& team) const;
 
  private:
+  template <typename Visit>
+  void axis_by_axis(const Team& team, Visit visit) const;
   void check_balance(const Gas& gas, const GasGrid& grid) const;
   BoundaryFace face_at(const Gas& gas, const GasGrid& grid, int face, std::array<int, 3> cell) const;
   void extend_along(const BoundarySurface& surface, int component, const GridField<>& void_fraction,
-                    const std::vector<double>& ramps, GridField<>& velocity) const;
+                    const std::vector<double>& ramps, GridField<>& velocity, const Team& team) const;
   std::vector<double> ramps(double time) const;
 
   std::vector<GasBoundary> entries_;

@@ -10,6 +10,7 @@
 #include "comm/grid_halo.hpp"
 #include "comm/totals.hpp"
 #include "engine/gas/boundaries.hpp"
+#include "engine/gas/team.hpp"
 #include "engine/threads.hpp"
 #include "kernels/gas/flow.hpp"
 
@@ -96,9 +97,17 @@ struct GasFlow::Parts {
   std::array<std::array<int, 2>, 3> inner_faces(int axis) const;
   /// Those on the domain's faces too.
   std::array<std::array<int, 2>, 3> all_faces(int axis) const;
-  /// visit(boundary face, memory index of the face, of its cell)
+  /// visit(boundary face, memory index of the face, of its cell), for the thread's share of them.
   template <typename Visit>
-  void for_each_boundary_face(const BoundarySurface& surface, Visit visit) const;
+  void for_each_boundary_face(const BoundarySurface& surface, const Team& team, Visit visit) const;
+  /// work(team) on all threads.
+  template <typename Work>
+  void together(Work work) const {
+    parallel(ranks.n_threads, [&](int thread) { work(Team{thread, ranks.n_threads}); });
+  }
+  /// Adds what add(team, sums) of all threads finds, along each axis.
+  template <typename Add>
+  void sum_up(std::array<ExactSum, 3>& sums, Add add) const;
 
   void take(GasLoad& load);
   void clear_means();
@@ -107,7 +116,7 @@ struct GasFlow::Parts {
   void advance_part(const Part& part, const GasLoad& load, GasReport& report);
   void find_rates(const Part& part);
   void predict(const Part& part, const GasLoad& load);
-  void close_boundaries();
+  void close_boundaries(const Team& team);
   void project(double dt, double tolerance, GasReport& report);
   void finish_velocity(double time);
   void account(const Part& part, const GasLoad& load);
@@ -141,7 +150,7 @@ GasFlow::Parts::Parts(const Gas& the_gas, const GasGrid& the_grid, const GasRank
     velocity[index(a)].fill(gas.velocity[a]);
     cell_velocity[index(a)].fill(gas.velocity[a]);
   }
-  boundaries.extend_pressure(pressure, 1.0);
+  boundaries.extend_pressure(pressure, 1.0, {});
 }
 
 template <typename Work>
@@ -171,17 +180,26 @@ std::array<std::array<int, 2>, 3> GasFlow::Parts::all_faces(int axis) const {
 }
 
 template <typename Visit>
-void GasFlow::Parts::for_each_boundary_face(const BoundarySurface& surface, Visit visit) const {
+void GasFlow::Parts::for_each_boundary_face(const BoundarySurface& surface, const Team& team, Visit visit) const {
   std::array<int, 3> cell{};
   cell[index(surface.axis)] = surface.is_high ? layout.size[index(surface.axis)] - 1 : 0;
   const std::int64_t to_face = surface.is_high ? layout.stride(surface.axis) : 0;
-  for (int j = 0; j < surface.size[1]; ++j)
+  const Range rows = team.share(surface.size[1]);
+  for (int j = static_cast<int>(rows.begin); j < static_cast<int>(rows.end); ++j)
     for (int i = 0; i < surface.size[0]; ++i) {
       cell[index(surface.along[0])] = i;
       cell[index(surface.along[1])] = j;
       const std::int64_t at = layout.at(cell[0], cell[1], cell[2]);
       visit(surface.at(i, j), at + to_face, at);
     }
+}
+
+template <typename Add>
+void GasFlow::Parts::sum_up(std::array<ExactSum, 3>& sums, Add add) const {
+  std::vector<std::array<ExactSum, 3>> of_threads(static_cast<std::size_t>(ranks.n_threads));
+  together([&](const Team& team) { add(team, of_threads[index(team.thread)]); });
+  for (const auto& of_thread : of_threads)
+    for (std::size_t a = 0; a < 3; ++a) sums[a].add(of_thread[a]);
 }
 
 MomentumView GasFlow::Parts::view() const {
@@ -197,9 +215,9 @@ MomentumView GasFlow::Parts::view() const {
 void GasFlow::Parts::take(GasLoad& load) {
   load_halo.exchange({load.void_fraction.data(), load.exchange.data(), load.exchange_velocity[0].data(),
                       load.exchange_velocity[1].data(), load.exchange_velocity[2].data()});
-  for (GridField<>* field : {&load.void_fraction, &load.exchange, &load.exchange_velocity[0],
-                             &load.exchange_velocity[1], &load.exchange_velocity[2]})
-    boundaries.mirror(*field);
+  GridField<>* const fields[] = {&load.void_fraction, &load.exchange, &load.exchange_velocity[0],
+                                 &load.exchange_velocity[1], &load.exchange_velocity[2]};
+  together([&](const Team& team) { boundaries.mirror(fields, team); });
 }
 
 void GasFlow::Parts::exchange_velocity() {
@@ -213,7 +231,8 @@ void GasFlow::Parts::exchange_velocity() {
 void GasFlow::Parts::find_rates(const Part& part) {
   const std::array<std::int64_t, 3> stride{1, layout.stride(1), layout.stride(2)};
   const MomentumView fields = view();
-  parallel(ranks.n_threads, [&](int thread) {
+  together([&](const Team& team) {
+    const int thread = team.thread;
     for_each_row_around(thread, 1, 2, [&](int j, int k) {
       const std::int64_t at = layout.at(-1, j, k);
       for (int a = 0; a < n_axes; ++a)
@@ -237,20 +256,22 @@ void GasFlow::Parts::find_rates(const Part& part) {
         momentum_rates(fields, a, at, range[0][1] - range[0][0], rates[index(a)].data() + at);
       });
     }
+    for (const BoundarySurface& surface : boundaries.surfaces())
+      for_each_boundary_face(surface, team, [&](const BoundaryFace& boundary, std::int64_t face, std::int64_t) {
+        if (boundary.kind == Kind::pressure)
+          rates[index(surface.axis)].data()[face] = outlet_rate(fields, surface.axis, face, surface.is_high);
+      });
+    team.sync();
+    GridField<>* const ends[] = {&carrier_end};
+    boundaries.mirror(ends, team);
   });
-  for (const BoundarySurface& surface : boundaries.surfaces())
-    for_each_boundary_face(surface, [&](const BoundaryFace& boundary, std::int64_t face, std::int64_t) {
-      if (boundary.kind == Kind::pressure)
-        rates[index(surface.axis)].data()[face] = outlet_rate(fields, surface.axis, face, surface.is_high);
-    });
-  boundaries.mirror(carrier_end);
 }
 
 void GasFlow::Parts::predict(const Part& part, const GasLoad& load) {
-  parallel(ranks.n_threads, [&](int thread) {
+  together([&](const Team& team) {
     for (int a = 0; a < n_axes; ++a) {
       const auto range = all_faces(a);
-      for_each_row(thread, range[1], range[2], [&](int j, int k) {
+      for_each_row(team.thread, range[1], range[2], [&](int j, int k) {
         const std::int64_t at = layout.at(0, j, k);
         PredictorRow row;
         row.stride = layout.stride(a);
@@ -275,15 +296,18 @@ void GasFlow::Parts::predict(const Part& part, const GasLoad& load) {
         predict_velocity(range[0][1], row);
       });
     }
+    team.sync();
+    boundaries.set_given(void_fraction_end, part.end, velocity, team);
+    close_boundaries(team);
   });
 }
 
 /// No flux follows the pressure where velocities are given; an outlet is half a cell away.
-void GasFlow::Parts::close_boundaries() {
+void GasFlow::Parts::close_boundaries(const Team& team) {
   for (const BoundarySurface& surface : boundaries.surfaces()) {
     double* const c = coefficient[index(surface.axis)].data();
     double* const m = mobility[index(surface.axis)].data();
-    for_each_boundary_face(surface, [&](const BoundaryFace& boundary, std::int64_t face, std::int64_t) {
+    for_each_boundary_face(surface, team, [&](const BoundaryFace& boundary, std::int64_t face, std::int64_t) {
       if (boundary.kind == Kind::pressure)
         c[face] *= 2.0;
       else
@@ -320,11 +344,11 @@ void GasFlow::Parts::project(double dt, double tolerance, GasReport& report) {
     throw GasError("the gas velocity is no longer finite: choose a smaller gas.step");
   report.iterations += solved.iterations;
   report.imbalance += solved.residual * dt;
-  boundaries.extend_pressure(change, 0.0);
-  parallel(ranks.n_threads, [&](int thread) {
+  together([&](const Team& team) {
+    boundaries.extend_pressure(change, 0.0, team);
     for (int a = 0; a < n_axes; ++a) {
       const auto range = all_faces(a);
-      for_each_row(thread, range[1], range[2], [&](int j, int k) {
+      for_each_row(team.thread, range[1], range[2], [&](int j, int k) {
         const std::int64_t at = layout.at(0, j, k);
         correct_velocity(range[0][1], stride[index(a)], inverse_spacing[index(a)], mobility[index(a)].data() + at,
                          change.data() + at, velocity[index(a)].data() + at);
@@ -339,8 +363,11 @@ void GasFlow::Parts::finish_velocity(double time) {
     step_halo.exchange({velocity[0].data(), velocity[1].data(), drift.data()});
   else
     step_halo.exchange({velocity[0].data(), velocity[1].data(), velocity[2].data(), drift.data()});
-  boundaries.mirror(drift);
-  boundaries.extend(void_fraction_end, time, velocity);
+  together([&](const Team& team) {
+    GridField<>* const fields[] = {&drift};
+    boundaries.mirror(fields, team);
+    boundaries.extend(void_fraction_end, time, velocity, team);
+  });
 }
 
 void GasFlow::Parts::clear_means() {
@@ -368,7 +395,7 @@ void GasFlow::Parts::start(double time, double step, double tolerance, const Gas
   add_momentum(-1.0 / step, true, boundary_force);
   for (GridField<>* field : {&void_fraction, &void_fraction_end, &carrier})
     std::copy_n(load.void_fraction.data(), layout.n_values(), field->data());
-  boundaries.set_given(void_fraction, time, velocity);
+  boundaries.set_given(void_fraction, time, velocity, {});
   parallel(ranks.n_threads, [&](int thread) {
     for (int a = 0; a < n_axes; ++a) {
       const auto range = all_faces(a);
@@ -381,7 +408,7 @@ void GasFlow::Parts::start(double time, double step, double tolerance, const Gas
       });
     }
   });
-  close_boundaries();
+  close_boundaries({});
   GasReport of_start;
   project(1.0, tolerance, of_start);
   report.iterations += of_start.iterations;
@@ -400,15 +427,15 @@ void GasFlow::Parts::advance_part(const Part& part, const GasLoad& load, GasRepo
   });
   find_rates(part);
   predict(part, load);
-  boundaries.set_given(void_fraction_end, part.end, velocity);
-  close_boundaries();
   project(part.dt, part.tolerance, report);
   double* const p = pressure.data();
   const double* const dp = change.data();
-  for_all_values([&](Range range) {
+  together([&](const Team& team) {
+    const Range range = team.share(layout.n_values());
     for (std::int64_t c = range.begin; c < range.end; ++c) p[c] += dp[c];
+    team.sync();
+    boundaries.extend_pressure(pressure, 1.0, team);
   });
-  boundaries.extend_pressure(pressure, 1.0);
   finish_velocity(part.end);
   std::swap(carrier, carrier_end);
   std::swap(void_fraction, void_fraction_end);
@@ -430,8 +457,9 @@ void GasFlow::Parts::account(const Part& part, const GasLoad& load) {
             pressure.data() + at, load.void_fraction.data() + at};
   };
   std::vector<std::array<ExactSum, 6>> sums(static_cast<std::size_t>(ranks.n_threads));
-  parallel(ranks.n_threads, [&](int thread) {
-    auto& mine = sums[static_cast<std::size_t>(thread)];
+  together([&](const Team& team) {
+    const int thread = team.thread;
+    auto& mine = sums[index(thread)];
     for (int axis = 0; axis < n_axes; ++axis) {
       const std::size_t a = index(axis);
       for_each_row_around(thread, 0, 0, [&](int j, int k) {
@@ -451,18 +479,18 @@ void GasFlow::Parts::account(const Part& part, const GasLoad& load) {
         mine[a].add(weight * sum_of_forces(range[0][1] - range[0][0], forces_at(axis, layout.at(range[0][0], j, k))));
       });
     }
+    for (const BoundarySurface& surface : boundaries.surfaces()) {
+      const std::size_t a = index(surface.axis);
+      for_each_boundary_face(surface, team, [&](const BoundaryFace& boundary, std::int64_t f, std::int64_t c) {
+        const double force = boundary.kind == Kind::pressure ? sum_of_forces(1, forces_at(surface.axis, f))
+                                                             : load.exchange.data()[c] * velocity[a].data()[f] -
+                                                                   load.exchange_velocity[a].data()[c];
+        mine[a].add(0.5 * weight * force);
+      });
+    }
   });
   for (const auto& of_thread : sums)
     for (std::size_t a = 0; a < 3; ++a) boundary_force[a].add(of_thread[a]), drag[a].add(of_thread[a + 3]);
-  for (const BoundarySurface& surface : boundaries.surfaces()) {
-    const std::size_t a = index(surface.axis);
-    for_each_boundary_face(surface, [&](const BoundaryFace& boundary, std::int64_t f, std::int64_t c) {
-      const double force = boundary.kind == Kind::pressure
-                               ? sum_of_forces(1, forces_at(surface.axis, f))
-                               : load.exchange.data()[c] * velocity[a].data()[f] - load.exchange_velocity[a].data()[c];
-      boundary_force[a].add(0.5 * weight * force);
-    });
-  }
 }
 
 /// `weight` times the momentum of the gas [N s] of this rank; or only of the half cells at faces with given velocity.
@@ -471,20 +499,22 @@ void GasFlow::Parts::add_momentum(double weight, bool is_everywhere, std::array<
   const auto at_face = [&](std::size_t a, std::int64_t f, std::int64_t s) {
     return 0.5 * (carrier.data()[f] + carrier.data()[f - s]) * velocity[a].data()[f];
   };
-  for (int a = 0; is_everywhere && a < n_axes; ++a) {
-    const auto range = inner_faces(a);
-    for_each_row_of(range[1], range[2], [&](int j, int k) {
-      double sum = 0.0;
-      for (std::int64_t f = layout.at(range[0][0], j, k), end = layout.at(range[0][1], j, k); f < end; ++f)
-        sum += at_face(index(a), f, layout.stride(a));
-      sums[index(a)].add(factor * sum);
-    });
-  }
-  for (const BoundarySurface& surface : boundaries.surfaces())
-    for_each_boundary_face(surface, [&](const BoundaryFace& boundary, std::int64_t f, std::int64_t) {
-      if (is_everywhere || boundary.kind != Kind::pressure)
-        sums[index(surface.axis)].add(0.5 * factor * at_face(index(surface.axis), f, layout.stride(surface.axis)));
-    });
+  sum_up(sums, [&](const Team& team, std::array<ExactSum, 3>& mine) {
+    for (int a = 0; is_everywhere && a < n_axes; ++a) {
+      const auto range = inner_faces(a);
+      for_each_row(team.thread, range[1], range[2], [&](int j, int k) {
+        double sum = 0.0;
+        for (std::int64_t f = layout.at(range[0][0], j, k), end = layout.at(range[0][1], j, k); f < end; ++f)
+          sum += at_face(index(a), f, layout.stride(a));
+        mine[index(a)].add(factor * sum);
+      });
+    }
+    for (const BoundarySurface& surface : boundaries.surfaces())
+      for_each_boundary_face(surface, team, [&](const BoundaryFace& boundary, std::int64_t f, std::int64_t) {
+        if (is_everywhere || boundary.kind != Kind::pressure)
+          mine[index(surface.axis)].add(0.5 * factor * at_face(index(surface.axis), f, layout.stride(surface.axis)));
+      });
+  });
 }
 
 /// [1/s] largest Courant number of a cell per time, with what flows in at `time`; of all ranks.
@@ -507,7 +537,7 @@ double GasFlow::Parts::courant_rate(double time) const {
   });
   double most = *std::max_element(largest.begin(), largest.end());
   for (const BoundarySurface& surface : boundaries.surfaces())
-    for_each_boundary_face(surface, [&](const BoundaryFace& face, std::int64_t, std::int64_t cell) {
+    for_each_boundary_face(surface, {}, [&](const BoundaryFace& face, std::int64_t, std::int64_t cell) {
       if (face.kind != Kind::velocity) return;
       const double factor = std::abs(boundaries.ramp(face.entry, time)) / void_fraction.data()[cell];
       double sum = 0.0;
@@ -625,10 +655,11 @@ void GasFlow::restore(const std::vector<double>& numbers) {
   p.boundary_time = numbers.at(2);
   p.load_halo.exchange(
       {p.pressure.data(), p.void_fraction.data(), p.carrier.data(), p.divergence_before.data(), p.drift.data()});
-  for (GridField<>* cells : {&p.void_fraction, &p.carrier, &p.drift}) p.boundaries.mirror(*cells);
+  GridField<>* const cells[] = {&p.void_fraction, &p.carrier, &p.drift};
+  p.boundaries.mirror(cells, {});
   p.exchange_velocity();
-  p.boundaries.extend(p.void_fraction, p.boundary_time, p.velocity);
-  p.boundaries.extend_pressure(p.pressure, 1.0);
+  p.boundaries.extend(p.void_fraction, p.boundary_time, p.velocity, {});
+  p.boundaries.extend_pressure(p.pressure, 1.0, {});
 }
 
 GasFlow::Budget GasFlow::budget() const {
@@ -638,7 +669,7 @@ GasFlow::Budget GasFlow::budget() const {
   for (const BoundarySurface& surface : p.boundaries.surfaces()) {
     const double area = p.grid.cell_volume() * p.inverse_spacing[index(surface.axis)];
     const double inwards = (surface.is_high ? -1.0 : 1.0) * p.gas.density * area;
-    p.for_each_boundary_face(surface, [&](const BoundaryFace& face, std::int64_t f, std::int64_t cell) {
+    p.for_each_boundary_face(surface, {}, [&](const BoundaryFace& face, std::int64_t f, std::int64_t cell) {
       if (face.entry >= 0)
         sums[static_cast<std::size_t>(face.entry)].add(
             inwards * (p.void_fraction.data()[cell] * p.velocity[index(surface.axis)].data()[f]));
