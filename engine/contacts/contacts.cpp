@@ -148,6 +148,7 @@ void Contacts::build(Particles& particles, PairCarry& pairs, WallCarry& walls, s
     travel_.begin(particles, where_none_meets_others(2.0 * cells_.reach()), n_threads);
   pairs_.note_times(thread_seconds_);
   thread_seconds_.clear();
+  least_seconds_.clear();
   pairs_.build(particles, cells_, grids, ghosts_.copies(), image_shift_, width.skin, rooms, needs_, cells_.order(),
                pairs, n_threads);
   wall_contacts_.build(particles, pairs_, width.wall_skin, time, cells_.order(), walls, n_threads);
@@ -223,8 +224,14 @@ void Contacts::advance(Particles& particles, const Kick& kick, double dt, double
     }
   }
   std::sort(result.outside.begin(), result.outside.end());
-  thread_seconds_.resize(steps.size());
-  for (std::size_t thread = 0; thread < steps.size(); ++thread) thread_seconds_[thread] += steps[thread].seconds;
+  // A step in which the system has taken a processor away says nothing of the share.
+  constexpr double much_longer = 1.3;
+  thread_seconds_.resize(steps.size(), 0.0);
+  least_seconds_.resize(steps.size(), infinity);
+  for (std::size_t thread = 0; thread < steps.size(); ++thread) {
+    least_seconds_[thread] = std::min(least_seconds_[thread], steps[thread].seconds);
+    thread_seconds_[thread] += std::min(steps[thread].seconds, much_longer * least_seconds_[thread]);
+  }
 }
 
 /// The largest share of its room that a grain has used, or a bound of it. In a bed at rest no band opens for long, whatever its grains do: they are

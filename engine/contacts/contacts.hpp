@@ -259,7 +259,8 @@ class Contacts {
   };
   std::optional<SetAside> set_aside_;
   Approach swept_;                      // in the last step
-  std::vector<double> thread_seconds_;  // that each thread has worked on steps since the list was made
+  std::vector<double> thread_seconds_;  // that each thread has worked on steps since the list was made ...
+  std::vector<double> least_seconds_;   // ... and on the shortest of them
   ExactSum energy_left_;
   WallSums wall_sums_;
   std::vector<bool> has_map_;  // of each surface; empty: none has
