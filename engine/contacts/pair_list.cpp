@@ -285,7 +285,7 @@ void PairList::search_by_size(const SearchPlace& place, int thread, int n_thread
   const Particles& particles = place.particles;
   RawChunk& chunk = raw_[at(thread)];
   SizeGrids::Scratch scratch;
-  std::vector<FoundPair>& found = found_[at(thread)];
+  std::vector<FoundPair> found;
   place.sizes.for_each_pair(particles, thread, n_threads, scratch,
                             [&](std::int32_t i, std::int32_t j, std::uint8_t code) {
                               if (j < i) {
@@ -306,6 +306,7 @@ void PairList::search_by_size(const SearchPlace& place, int thread, int n_thread
                               });
   }
   chunk.n_tested = scratch.n_tested;
+  found_[at(thread)] = std::move(found);
 }
 
 /// What all threads have found, as the rows of this thread's grains.

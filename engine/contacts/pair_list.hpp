@@ -63,7 +63,7 @@ struct Tile {
 };
 
 /// The share of one thread.
-struct ThreadPairs {
+struct alignas(64) ThreadPairs {  // threads write their own cache lines
   std::int32_t grain_begin = 0, grain_end = 0;
   std::vector<Tile> tiles;
   AlignedArray<std::int32_t> a, b;     // lower and higher gid
@@ -296,7 +296,7 @@ class PairList {
   template <typename Function>
   void for_each_of(std::int32_t i, Function f);
 
-  struct RawChunk {
+  struct alignas(64) RawChunk {  // threads write their own cache lines
     std::int32_t grain_begin = 0, grain_end = 0;
     std::vector<std::uint32_t> offsets;  // of each grain of the chunk, and the end
     std::int64_t n_pairs = 0;
