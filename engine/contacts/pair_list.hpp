@@ -3,7 +3,7 @@
 // A pair belongs to the grain that comes first in memory; a thread owns a range of grains and the pairs of these. Its range is
 // cut into tiles. The forces of a tile's pairs go into a ring of slots that stays in the cache; when a tile is swept, its grains
 // are complete and are summed and advanced at once. A grain that also has pairs in an earlier thread's range is deferred: it
-// waits until all threads are through, and the slots of all its pairs are kept in an array of their own (as are the slots
+// waits until all threads are through, and the slots of all its pairs are kept until the next step (as are the slots
 // of pairs with a grain of another column of cells, which would stay too long for a ring).
 //
 // With several ranks, a pair of a grain with a ghost is a border pair. Border pairs of a thread lie in a last tile without grains, which is
