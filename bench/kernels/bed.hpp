@@ -63,7 +63,7 @@ struct Bed {
       for (std::int64_t k = tile.ring_begin; k < tile.kept_begin;) {
         const std::int64_t place = k & mine.ring_mask;
         const std::int64_t end = std::min(tile.kept_begin, k + (std::int64_t{mine.ring_mask} + 1 - place));
-        total.n_touching += kernel(sweep, {k, end}, pairs.slots() + (mine.ring_begin + place) * slot).n_touching;
+        total.n_touching += kernel(sweep, {k, end}, pairs.slots() + (mine.ring_slot + place) * slot).n_touching;
         k = end;
       }
       then(tile);

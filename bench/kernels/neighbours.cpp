@@ -30,9 +30,13 @@ void filter(benchmark::State& state, Size size) {
     x[c].assign(n + 8, 0.0);
     for (std::size_t i = 0; i < n; ++i) x[c][i] = b.particles.record(static_cast<std::int64_t>(i))[c];
   }
-  const Spheres spheres{x[0].data(), x[1].data(), x[2].data(), x[3].data()};
-  const PairFilter near = pair_filter();
+  for (std::size_t i = 0; i < n; ++i) x[3][i] += 0.5 * Bed::skin;
+  const std::vector<double> room(n + 8, 0.5 * Bed::skin);
+  const Spheres spheres{x[0].data(), x[1].data(), x[2].data(), x[3].data(), room.data()};
+  const double band_share[n_bands] = {0.0, 0.2, 0.4, 0.6, 0.8};
+  const NearFilter near = near_filter();
   std::vector<std::int32_t> found(n);
+  std::vector<std::uint8_t> band(n);
   Cells::Run runs[Cells::max_runs];
   std::int64_t n_asked = 0, n_found = 0;
   const auto pass = [&] {
@@ -42,10 +46,9 @@ void filter(benchmark::State& state, Size size) {
       const Vec3 centre{x[0][static_cast<std::size_t>(i)], x[1][static_cast<std::size_t>(i)],
                         x[2][static_cast<std::size_t>(i)]};
       const int n_runs = walk.runs_after(i, centre, runs);
-      for (int r = 0; r < n_runs; ++r) {
-        n_asked += runs[r].grains.size();
-        n_found += near(spheres, runs[r].grains, centre, x[3][static_cast<std::size_t>(i)] + Bed::skin, found.data());
-      }
+      for (int r = 0; r < n_runs; ++r) n_asked += runs[r].grains.size();
+      const Asking asking{centre, x[3][static_cast<std::size_t>(i)], 0.5 * Bed::skin, nullptr, band_share, n_bands};
+      n_found += near(spheres, runs, n_runs, asking, {found.data(), nullptr, band.data()});
     }
     benchmark::DoNotOptimize(n_found);
   };
@@ -54,7 +57,7 @@ void filter(benchmark::State& state, Size size) {
   work.items_name = "asked/s";
   work.items = static_cast<double>(n_asked);
   work.flops = 10.0 * work.items;
-  work.bytes = 32.0 * b.n_grains();
+  work.bytes = 40.0 * b.n_grains();
   work.working_set = work.bytes;
   measure(state, work, pass);
   state.counters["found_%"] = 100.0 * static_cast<double>(n_found) / static_cast<double>(n_asked);
@@ -108,7 +111,7 @@ void reorder(benchmark::State& state, Size size, int n_threads) {
 }  // namespace
 
 void add_neighbours() {
-  for (const Size size : sizes) add("pair_filter/" + name_of(size), [=](benchmark::State& s) { filter(s, size); });
+  for (const Size size : sizes) add("near_filter/" + name_of(size), [=](benchmark::State& s) { filter(s, size); });
   const int all = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   const std::pair<const char*, void (*)(benchmark::State&, Size, int)> parts[] = {
       {"cells_sort", sort}, {"pair_list", build}, {"reorder", reorder}};

@@ -339,7 +339,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
       const std::int64_t place = k & mine.ring_mask;
       const std::int64_t end =
           std::min(k < far ? far : tile.kept_begin, k + (std::int64_t{mine.ring_mask} + 1 - place));
-      std::byte* const slots = pairs_.slots() + (mine.ring_begin + place) * slot;
+      std::byte* const slots = pairs_.slots() + (mine.ring_slot + place) * slot;
       if (k < far)
         note(kernels_.pairs(sweep, {k, end}, slots));
       else  // what cannot touch gives nothing

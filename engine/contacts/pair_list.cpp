@@ -162,7 +162,7 @@ void PairList::build(const Particles& particles, const Cells& cells, const SizeG
   });
   n_ring_slots_ = 0;
   for (ThreadPairs& t : threads_) {
-    t.ring_begin = n_ring_slots_;
+    t.ring_slot = n_ring_slots_;
     n_ring_slots_ += t.ring_mask + 1;
   }
   kept_base_[0] = n_ring_slots_;
@@ -273,9 +273,8 @@ void PairList::search_in_order(const SearchPlace& place, const Spheres& spheres,
     found.make_room(n_asked, has_images);
     const int n_found = filter(spheres, runs.data(), n_runs, asking(copy.ghost, copy.position), found.end());
     for (std::size_t k = 0; k < at(n_found); ++k) {
-      // The run's image is that of the grains seen from the ghost.
-      const std::uint8_t code = image::inverse(image::sum(copy.image, has_images ? found.image[k] : std::uint8_t{0}));
-      chunk.border.push_back({found.j[k], copy.ghost, code, found.band[k]});
+      const FoundPair seen = found.pair(copy.ghost, k);  // from the ghost
+      chunk.border.push_back({seen.j, copy.ghost, image::inverse(image::sum(copy.image, seen.image)), seen.band});
     }
   }
 }
@@ -396,7 +395,7 @@ void PairList::for_each_raw(std::int32_t begin, std::int32_t end, Function f) co
     for (std::int32_t i = std::max(begin, chunk.grain_begin); i < std::min(end, chunk.grain_end); ++i)
       for (std::size_t k = chunk.offsets[at(i - chunk.grain_begin)]; k < chunk.offsets[at(i - chunk.grain_begin) + 1];
            ++k)
-        f(FoundPair{i, chunk.j[k], chunk.image.size() ? chunk.image[k] : std::uint8_t{0}, chunk.band[k]});
+        f(chunk.pair(i, k));
 }
 
 void PairList::mark_deferred(int thread) {
@@ -569,7 +568,7 @@ void PairList::lay_out(const SearchPlace& place, const PairNeeds& needs, std::sp
 
 std::int64_t ThreadPairs::pair_in_ring(std::int32_t i, std::uint32_t place) const {
   const std::int64_t last = tiles[at((i - grain_begin) / tile_size)].kept_begin - 1;
-  return last - ((last - (place - ring_begin)) & ring_mask);
+  return last - ((last - (place - ring_slot)) & ring_mask);
 }
 
 void PairList::index_entries(const Particles& particles, const PairNeeds& needs, int thread) {
@@ -602,9 +601,8 @@ void PairList::index_entries(const Particles& particles, const PairNeeds& needs,
     for (std::int64_t k = tile.ring_begin; k < tile.pair_end; ++k) {
       const std::int32_t a = mine.a[at(k)], b = mine.b[at(k)];
       if (a == dummy) continue;
-      const std::uint32_t slot = k < tile.kept_begin
-                                     ? mine.ring_begin + (static_cast<std::uint32_t>(k) & mine.ring_mask)
-                                     : tile.kept_slot + static_cast<std::uint32_t>(k - tile.kept_begin);
+      const std::uint32_t slot = k < tile.kept_begin ? mine.ring_slot + (static_cast<std::uint32_t>(k) & mine.ring_mask)
+                                                     : tile.kept_slot + static_cast<std::uint32_t>(k - tile.kept_begin);
       const std::uint8_t code = mine.image_of(k);
       if (a < end) put(a, b, slot, false, code);
       if (b < end) put(b, a, slot, true, code);

@@ -75,7 +75,7 @@ struct alignas(64) ThreadPairs {  // threads write their own cache lines
   bool is_mixed = false;  // floats, there and in the slots
   AlignedArray<std::uint32_t> offsets;  // entries of each of the thread's grains
   AlignedArray<Entry> entries;
-  std::uint32_t ring_begin = 0;  // place of the ring among the slots: that of pair k's is ring_begin + (k & ring_mask)
+  std::uint32_t ring_slot = 0;  // place of the ring among the slots: that of pair k's is ring_slot + (k & ring_mask)
   std::uint32_t ring_mask = 0;
   bool has_border = false;          // the last tile holds the border pairs
   std::vector<std::int32_t> plain;  // where tiles have deferred grains
@@ -270,7 +270,7 @@ class PairList {
         const auto p = static_cast<std::size_t>(k);
         if (t.a[p] == dummy) continue;
         const PairMemory memory = t.memory(k);
-        f(t.a[p], t.b[p], t.image.size() ? t.image[p] : std::uint8_t{0}, t.history.size() ? &memory : nullptr);
+        f(t.a[p], t.b[p], t.image_of(k), t.history.size() ? &memory : nullptr);
       }
   }
   /// A pair as it is found: i, which comes first in memory, and j, which may be a ghost.
@@ -309,6 +309,9 @@ class PairList {
     void make_room(std::int64_t n_more, bool has_images);
     NearGrains end() {
       return {j.data() + n_pairs, image.size() ? image.data() + n_pairs : nullptr, band.data() + n_pairs};
+    }
+    FoundPair pair(std::int32_t i, std::size_t k) const {
+      return {i, j[k], image.size() ? image[k] : std::uint8_t{0}, band[k]};
     }
     void put(const FoundPair& pair, std::int64_t k) {
       const auto p = static_cast<std::size_t>(k);

@@ -84,10 +84,20 @@ class Blocks {
 };
 
 /// What the grains of a block have together, in diameters and steps. Threads add to it in any order, so in whole numbers.
+constexpr double velocity_unit = 0x1p-40, square_unit = 0x1p-48;
 struct BlockSum {
   std::int64_t n = 0, velocity[3] = {}, square = 0;
+  double count() const { return static_cast<double>(n); }
+  Vec3 all_velocities() const {
+    const auto number = [](std::int64_t sum) { return velocity_unit * static_cast<double>(sum); };
+    return {number(velocity[0]), number(velocity[1]), number(velocity[2])};
+  }
+  /// Sum of |v - V|^2.
+  double spread_about(Vec3 frame) const {
+    const double squares = square_unit * static_cast<double>(square);
+    return std::max(0.0, squares + dot(count() * frame - 2.0 * all_velocities(), frame));
+  }
 };
-constexpr double velocity_unit = 0x1p-40, square_unit = 0x1p-48;
 std::int64_t in_units(double value, double unit) { return static_cast<std::int64_t>(value / unit); }
 
 /// What a thread adds to a block: grains that follow each other are mostly of the same.
@@ -133,6 +143,7 @@ class BlockMotions {
         sums_(at(blocks.size())),
         around_(at(blocks.size())),
         next_(at(blocks.size())),
+        own_spreads_(at(blocks.size())),
         spreads_(at(blocks.size())),
         speeds_(at(blocks.size())) {}
 
@@ -192,10 +203,7 @@ class BlockMotions {
   void smooth(int thread) {
     const Range share = blocks_of(thread);
     for (std::int64_t b = share.begin; b < share.end; ++b) {
-      Motion& m = around_[at(b)];
-      m.n = static_cast<double>(sums_[at(b)].n);
-      for (int axis = 0; axis < 3; ++axis)
-        m.velocity[axis] = velocity_unit * static_cast<double>(sums_[at(b)].velocity[axis]);
+      around_[at(b)] = {sums_[at(b)].count(), sums_[at(b)].all_velocities()};
     }
     barrier();
     const std::vector<Motion>* from = &around_;
@@ -219,6 +227,7 @@ class BlockMotions {
       const Motion& m = (*from)[at(b)];
       for (int axis = 0; axis < 3; ++axis) frames_[4 * b + axis] = sums_[at(b)].n > 0 ? m.velocity[axis] / m.n : 0.0;
       frames_[4 * b + 3] = 0.0;
+      own_spreads_[at(b)] = sums_[at(b)].spread_about(frame(b));
     }
   }
 
@@ -233,15 +242,6 @@ class BlockMotions {
     return n > 0.0 ? sum / n : sum;
   }
 
-  /// Sum of |v - V|^2 over the block's grains, V its frame.
-  double spread_in_frame(std::int64_t b) const {
-    const BlockSum& sum = sums_[at(b)];
-    const auto number = [](std::int64_t n) { return static_cast<double>(n); };
-    const Vec3 all = velocity_unit * Vec3{number(sum.velocity[0]), number(sum.velocity[1]), number(sum.velocity[2])};
-    const Vec3 own = frame(b);
-    return std::max(0.0, square_unit * number(sum.square) + dot(number(sum.n) * own - 2.0 * all, own));
-  }
-
   double compare_neighbours(int thread) {
     const Range share = blocks_of(thread);
     double fastest = 0.0;
@@ -253,8 +253,8 @@ class BlockMotions {
         const BlockSum& sum = sums_[at(other)];
         if (sum.n == 0) return;
         apart = std::max(apart, squared_length(own - frame(other)));
-        spread += spread_in_frame(other);
-        n_near += static_cast<double>(sum.n);
+        spread += own_spreads_[at(other)];
+        n_near += sum.count();
       });
       frames_[4 * b + 3] = 0.5 * std::sqrt(apart);
       spreads_[at(b)] = std::sqrt(spread / n_near);
@@ -272,6 +272,7 @@ class BlockMotions {
   std::int32_t* frame_of_;  // block of each grain
   std::vector<BlockSum> sums_;
   std::vector<Motion> around_, next_;
+  std::vector<double> own_spreads_;  // sum of the squared speeds of a block's grains in its frame
   std::vector<double>
       spreads_;  // root mean square of the speeds in their frames, of the grains of a block and its neighbours ...
   std::vector<double> speeds_;  // ... and as seen at rest, were they in this frame

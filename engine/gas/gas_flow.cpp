@@ -80,11 +80,6 @@ struct GasFlow::Parts {
   void for_all_values(Work work) const {
     parallel(ranks.n_threads, [&](int thread) { work(share_of(layout.n_values(), thread, ranks.n_threads)); });
   }
-  template <typename Work>
-  void for_each_row_of(std::array<int, 2> y, std::array<int, 2> z, Work work) const {
-    for (int k = z[0]; k < z[1]; ++k)
-      for (int j = y[0]; j < y[1]; ++j) work(j, k);
-  }
   /// Rows around the block too, by so many layers along axes in which the gas moves.
   template <typename Work>
   void for_each_row_around(int thread, int low, int high, Work work) const;
@@ -382,9 +377,9 @@ void GasFlow::Parts::clear_means() {
 /// Of all ranks.
 double GasFlow::Parts::least_void_fraction(const GasLoad& load) const {
   double most_solid = -1.0;
-  for_each_row_of({0, layout.size[1]}, {0, layout.size[2]}, [&](int j, int k) {
-    for (int i = 0; i < layout.size[0]; ++i) most_solid = std::max(most_solid, -load.void_fraction(i, j, k));
-  });
+  for (int k = 0; k < layout.size[2]; ++k)
+    for (int j = 0; j < layout.size[1]; ++j)
+      for (int i = 0; i < layout.size[0]; ++i) most_solid = std::max(most_solid, -load.void_fraction(i, j, k));
   ranks.world.max(std::span(&most_solid, 1));
   return -most_solid;
 }

@@ -12,15 +12,22 @@ HWY_BEFORE_NAMESPACE();
 namespace moraine {
 namespace HWY_NAMESPACE {
 
+/// Grains j, j + 1, ... of a run.
+struct Tested {
+  Lanes<double> square;  // of their distances
+  LaneMask<double> is_near;
+};
+HWY_INLINE Tested test(const Spheres& spheres, std::int64_t j, std::int64_t end, Vec3 centre, double reach) {
+  const Lanes3<double> d{Lanes<double>(centre.x) - load(spheres.x + j), Lanes<double>(centre.y) - load(spheres.y + j),
+                         Lanes<double>(centre.z) - load(spheres.z + j)};
+  const Lanes<double> square = dot(d, d), limit = reach + load(spheres.r + j);
+  return {square, (square < limit * limit) & first_lanes<double>(end - j)};
+}
+
 int filter_run(const Spheres& spheres, Range run, Vec3 centre, double reach, std::int32_t* found) {
-  const Lanes<double> x(centre.x), y(centre.y), z(centre.z), r(reach);
   int n = 0;
   for (std::int64_t j = run.begin; j < run.end; j += n_lanes<double>) {
-    const Lanes3<double> d{x - load(spheres.x + j), y - load(spheres.y + j), z - load(spheres.z + j)};
-    const Lanes limit = r + load(spheres.r + j);
-    unsigned near = bits(dot(d, d) < limit * limit);
-    const std::int64_t left = run.end - j;
-    if (left < n_lanes<double>) near &= (1u << left) - 1u;
+    unsigned near = bits(test(spheres, j, run.end, centre, reach).is_near);
     for (; near != 0; near &= near - 1) found[n++] = static_cast<std::int32_t>(j) + __builtin_ctz(near);
   }
   return n;
@@ -58,11 +65,7 @@ int filter_near(const Spheres& spheres, const GrainRun* runs, int n_runs, const 
     const GrainRun& run = runs[r];
     const Vec3 centre = run.image ? asking.centre + asking.image_shift[run.image] : asking.centre;
     for (std::int64_t j = run.grains.begin; j < run.grains.end; j += n) {
-      const Lanes3<double> d{Lanes<double>(centre.x) - load(spheres.x + j),
-                             Lanes<double>(centre.y) - load(spheres.y + j),
-                             Lanes<double>(centre.z) - load(spheres.z + j)};
-      const Lanes<double> squared = dot(d, d), limit = asking.reach + load(spheres.r + j);
-      const LaneMask<double> is_near = (squared < limit * limit) & first_lanes<double>(run.grains.end - j);
+      const auto [squared, is_near] = test(spheres, j, run.grains.end, centre, asking.reach);
       store_together(square + waiting, squared, is_near);
       const int n_near = store_together(place + waiting, counting_from<double>(static_cast<double>(j)), is_near);
       if (near.image) std::memset(near.image + n_found + waiting, run.image, static_cast<std::size_t>(n_near));

@@ -248,7 +248,7 @@ TEST_CASE("ring slots of a tile's grains are not overwritten before the tile is 
               const std::uint32_t place = mine.entries[q] >> 1;
               const std::int64_t pair = mine.pair_in_ring(i, place);
               REQUIRE((mine.a[static_cast<std::size_t>(pair)] == i || mine.b[static_cast<std::size_t>(pair)] == i));
-              REQUIRE(place == mine.ring_begin + (static_cast<std::uint32_t>(pair) & mine.ring_mask));
+              REQUIRE(place == mine.ring_slot + (static_cast<std::uint32_t>(pair) & mine.ring_mask));
               REQUIRE(pair < newest);                                      // filled by now ...
               REQUIRE(newest - pair <= std::int64_t{mine.ring_mask} + 1);  // ... and still there
             }
