@@ -130,6 +130,9 @@ PairSweep Bed::sweep(const LawChoice& choice, bool has_images) {
   s.image_shift = image_shift.data();
   s.species = choice.is_uniform ? nullptr : mine.species.data();
   s.history = mine.history.data();
+  s.was_near = mine.was_near.data();
+  s.marks = mine.marks.data();
+  s.acting = mine.acting.data();
   s.table = &table;
   s.inverse_mass = particles.inverse_mass(0);
   s.radius = particles.radius(0);
@@ -146,6 +149,7 @@ GrainSums Bed::sums(const LawChoice& choice) {
   s.offsets = mine.offsets.data();
   s.entries = mine.entries.data();
   s.slots = pairs.slots();
+  s.first_word = mine.first_word.empty() ? nullptr : mine.first_word.data();
   s.inside = domain;
   s.kick.gain = s.kick.time = s.kick.drift = dt;
   s.kick.gravity = {0.0, 0.0, -9.81};
@@ -177,7 +181,7 @@ Work work_of_sweep(const Bed& bed, const LawChoice& choice, bool has_images, dou
   Work work;
   const double per_pair = 8.0 + (choice.is_uniform ? 0.0 : 1.0) + (has_images ? 1.0 : 0.0);
   const double number = static_cast<double>(number_size(choice.is_mixed));
-  const double history = has_history(choice.tangential) ? number * memory_columns(choice.has_ledger) : 0.0;
+  const double history = has_history(choice.tangential) ? number * memory_size(false) : 0.0;
   const double records = bed.n_grains() * doubles(record_size(choice.has_rotation));
   work.items_name = "contacts/s";
   work.items = n_touching;

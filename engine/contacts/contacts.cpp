@@ -260,6 +260,9 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   sweep.image_shift = image_shift_.data();
   sweep.species = needs_.has_species ? mine.species.data() : nullptr;
   sweep.history = mine.history.data();
+  sweep.was_near = mine.was_near.data();
+  sweep.marks = mine.marks.data();
+  sweep.acting = mine.acting.data();
   sweep.table = &pair_table_;
   sweep.mass_unit = mass_unit_;
   sweep.inverse_mass = uniform_inverse_mass_;
@@ -276,6 +279,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   sums.offsets = mine.offsets.data();
   sums.entries = mine.entries.data();
   sums.slots = pairs_.slots();
+  sums.first_word = mine.first_word.empty() ? nullptr : mine.first_word.data();
   sums.mass_unit = mass_unit_;
   sums.inside = domain_;
   sums.kick = kick;
@@ -326,8 +330,10 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   const std::int64_t slot = needs_.slot_size * static_cast<std::int64_t>(number_size(choice_.is_mixed));  // bytes
   const auto sweep_kept = [&](const Tile& tile, double share) {
     const std::int64_t far = PairList::far_begin(tile.kept_bands, tile.pair_end, share);
-    if (far > tile.kept_begin)
-      note(kernels_.pairs(sweep, {tile.kept_begin, far}, pairs_.slots() + tile.kept_slot * slot));
+    if (far == tile.kept_begin) return;
+    PairSweep kept = sweep;
+    kept.takes_all = choice_.has_ledger;  // what a contact has lost at its end is zero again one step later
+    note(kernels_.pairs(kept, {tile.kept_begin, far}, pairs_.slots() + tile.kept_slot * slot));
   };
   const std::size_t n_tiles = mine.tiles.size() - (mine.has_border ? 1 : 0);
   double begin = threads::now();
@@ -335,19 +341,15 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
     const Tile& tile = mine.tiles[t];
     ask_for_records(particles, tile.grain_end + cells_.furthest_in_column(), tile.grain_end - tile.grain_begin);
     const std::int64_t far = PairList::far_begin(tile.ring_bands, tile.kept_begin, approach.own);
-    for (std::int64_t k = tile.ring_begin; k < tile.kept_begin;) {  // up to the end of the ring, then from its start
+    for (std::int64_t k = tile.ring_begin; k < far;) {  // up to the end of the ring, then from its start
       const std::int64_t place = k & mine.ring_mask;
-      const std::int64_t end =
-          std::min(k < far ? far : tile.kept_begin, k + (std::int64_t{mine.ring_mask} + 1 - place));
-      std::byte* const slots = pairs_.slots() + (mine.ring_slot + place) * slot;
-      if (k < far)
-        note(kernels_.pairs(sweep, {k, end}, slots));
-      else  // what cannot touch gives nothing
-        std::memset(slots, 0, static_cast<std::size_t>((end - k) * slot));
+      const std::int64_t end = std::min(far, k + (std::int64_t{mine.ring_mask} + 1 - place));
+      note(kernels_.pairs(sweep, {k, end}, pairs_.slots() + (mine.ring_slot + place) * slot));
       k = end;
     }
     sweep_kept(tile, approach.own);
     touch_walls(wall_contacts_.tile(thread, t));
+    sums.acting = mine.acting.data();
     if (tile.plain_begin < 0)
       advance_grains(nullptr, {tile.grain_begin, tile.grain_end});
     else
@@ -363,6 +365,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   barrier();
   begin = threads::now();
   touch_walls(wall_contacts_.deferred(thread));
+  sums.acting = nullptr;
   advance_grains(mine.deferred.data(), {0, static_cast<std::int64_t>(mine.deferred.size())});
   step.seconds += threads::now() - begin;
   result.max_speed = std::sqrt(speed_squared);
@@ -377,7 +380,11 @@ Contacts::Velocities Contacts::velocities_now(Particles& particles, const Kick& 
   const std::vector<double> dissipated = copy_of(particles.dissipated(), 4 * n);
   const std::vector<double> force = copy_of(particles.force(), 3 * n), torque = copy_of(particles.torque(), 3 * n);
   std::vector<std::vector<std::byte>> histories;
-  for (const ThreadPairs& t : pairs_.threads()) histories.push_back(copy_of(t.history.data(), t.history.size()));
+  std::vector<std::vector<std::uint16_t>> were_near;
+  for (const ThreadPairs& t : pairs_.threads()) {
+    histories.push_back(copy_of(t.history.data(), t.history.size()));
+    were_near.push_back(copy_of(t.was_near.data(), t.was_near.size()));
+  }
   const auto walls = wall_contacts_.save();
   const WallSums wall_sums = wall_sums_;
 
@@ -395,7 +402,10 @@ Contacts::Velocities Contacts::velocities_now(Particles& particles, const Kick& 
   if (particles.dissipated()) put_back(dissipated, particles.dissipated());
   if (particles.force()) put_back(force, particles.force());
   if (particles.torque()) put_back(torque, particles.torque());
-  for (std::size_t t = 0; t < histories.size(); ++t) put_back(histories[t], pairs_.threads()[t].history.data());
+  for (std::size_t t = 0; t < histories.size(); ++t) {
+    put_back(histories[t], pairs_.threads()[t].history.data());
+    put_back(were_near[t], pairs_.threads()[t].was_near.data());
+  }
   wall_contacts_.put_back(walls);
   wall_sums_ = wall_sums;
   ghosts_.set_fresh(were_fresh);

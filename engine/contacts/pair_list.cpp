@@ -446,7 +446,9 @@ void PairList::lay_out(const SearchPlace& place, const PairNeeds& needs, std::sp
   mine.species.resize_discarding(needs.has_species ? capacity : 0);
   mine.columns = needs.memory;
   mine.is_mixed = needs.is_mixed;
-  mine.history.resize_discarding(at(needs.memory.count()) * capacity * number_size(needs.is_mixed));
+  mine.history.resize_discarding(at(memory_size(needs.memory)) * capacity * number_size(needs.is_mixed));
+  mine.was_near.resize_discarding(capacity / pair_group);
+  std::fill(mine.was_near.begin(), mine.was_near.end(), std::uint16_t{0});
   mine.tiles.clear();
   mine.plain.clear();
   mine.deferred.clear();
@@ -571,6 +573,15 @@ std::int64_t ThreadPairs::pair_in_ring(std::int32_t i, std::uint32_t place) cons
   return last - ((last - (place - ring_slot)) & ring_mask);
 }
 
+std::int64_t ThreadPairs::pair_of_kept(std::uint32_t slot) const {
+  const auto after = std::upper_bound(tiles.begin(), tiles.end(), slot,
+                                      [](std::uint32_t s, const Tile& x) { return s < x.kept_slot; });
+  if (after == tiles.begin()) return -1;
+  const Tile& found = *(after - 1);
+  const std::int64_t k = found.kept_begin + (slot - found.kept_slot);
+  return k < found.pair_end ? k : -1;
+}
+
 void PairList::index_entries(const Particles& particles, const PairNeeds& needs, int thread) {
   ThreadPairs& mine = threads_[at(thread)];
   const std::int32_t first = mine.grain_begin, end = mine.grain_end, dummy = particles.dummy();
@@ -611,6 +622,42 @@ void PairList::index_entries(const Particles& particles, const PairNeeds& needs,
       [&](const CrossPair& pair, std::uint32_t slot) { put(pair.grain, pair.other, slot, pair.is_b, pair.image); });
   mine.entries.resize_discarding(n_entries);
   row_order()(offsets, end - first, keys.data(), entries.data(), mine.entries.data());
+  give_marks(thread);
+}
+
+/// Where grains see, for each of their entries, whether there is something to sum. Deferred grains sum all.
+void PairList::give_marks(int thread) {
+  ThreadPairs& mine = threads_[at(thread)];
+  const std::int32_t n_grains = mine.grain_end - mine.grain_begin;
+  constexpr std::uint32_t word_bits = 64;
+  const auto n_words_of = [&](std::size_t row) {
+    return std::max(1u, (mine.offsets[row + 1] - mine.offsets[row] + word_bits - 1) / word_bits);
+  };
+  mine.first_word.clear();
+  auto n_words = static_cast<std::uint32_t>(n_grains);
+  for (std::size_t row = 0; row < at(n_grains); ++row) n_words += n_words_of(row) - 1;
+  if (n_words > static_cast<std::uint32_t>(n_grains)) {
+    mine.first_word.push_back(0);
+    for (std::size_t row = 0; row < at(n_grains); ++row)
+      mine.first_word.push_back(mine.first_word.back() + n_words_of(row));
+  }
+  mine.acting.resize_discarding(at(n_words) + 1);
+  std::fill(mine.acting.begin(), mine.acting.end(), std::uint64_t{0});
+  const std::int64_t n_places = mine.tiles.empty() ? 0 : mine.tiles.back().pair_end;
+  mine.marks.resize_discarding(at(2 * n_places));
+  std::fill(mine.marks.begin(), mine.marks.end(), n_words * word_bits);
+  for (const Tile& tile : mine.tiles)
+    for (std::int32_t i = tile.grain_begin; i < tile.grain_end; ++i) {
+      if (is_deferred_[at(i)]) continue;
+      const std::size_t row = at(i - mine.grain_begin);
+      std::uint32_t mark =
+          (mine.first_word.empty() ? static_cast<std::uint32_t>(row) : mine.first_word[row]) * word_bits;
+      for (std::uint32_t q = mine.offsets[row]; q < mine.offsets[row + 1]; ++q, ++mark) {
+        const Entry entry = mine.entries[q];
+        const std::int64_t k = is_in_ring(entry) ? mine.pair_in_ring(i, entry >> 1) : mine.pair_of_kept(entry >> 1);
+        mine.marks[at(2 * k + (entry & entry_is_b))] = mark;
+      }
+    }
 }
 
 PairCarry PairList::carry(const Particles& particles, std::span<const std::uint8_t> is_leaving, bool has_energy,
@@ -676,17 +723,14 @@ PairCarry PairList::carry(const Particles& particles, std::span<const std::uint8
 
 void PairList::release_index() {
   slots_.release();
-  for (ThreadPairs& t : threads_) {
-    t.entries.release();
-    t.offsets.release();
-  }
+  for (ThreadPairs& t : threads_) t.release_index();
 }
 
 void PairList::forget() {
   for (ThreadPairs& t : threads_) {
     t.history.release();
-    t.entries.release();
-    t.offsets.release();
+    t.was_near.release();
+    t.release_index();
   }
 }
 
@@ -700,7 +744,9 @@ std::size_t PairList::memory() const {
   std::size_t bytes = slots_.capacity_bytes() + is_deferred_.capacity();
   for (const ThreadPairs& t : threads_)
     bytes += t.a.capacity_bytes() + t.b.capacity_bytes() + t.image.capacity_bytes() + t.species.capacity_bytes() +
-             t.history.capacity_bytes() + t.offsets.capacity_bytes() + t.entries.capacity_bytes() +
+             t.history.capacity_bytes() + t.was_near.capacity_bytes() + t.offsets.capacity_bytes() +
+             t.entries.capacity_bytes() + t.acting.capacity_bytes() + t.marks.capacity_bytes() +
+             t.first_word.capacity() * sizeof(std::uint32_t) +
              (t.plain.capacity() + t.deferred.capacity()) * sizeof(std::int32_t);
   return bytes;
 }
@@ -718,13 +764,7 @@ void PairList::for_each_of(std::int32_t i, Function f) {
         if (is_in_ring(entry)) {
           if (&owner == &t) k = t.pair_in_ring(i, slot);
         } else {
-          const auto tile = std::upper_bound(owner.tiles.begin(), owner.tiles.end(), slot,
-                                             [](std::uint32_t s, const Tile& x) { return s < x.kept_slot; });
-          if (tile != owner.tiles.begin()) {
-            const Tile& found = *(tile - 1);
-            if (slot < found.kept_slot + (found.pair_end - found.kept_begin))
-              k = found.kept_begin + (slot - found.kept_slot);
-          }
+          k = owner.pair_of_kept(slot);
         }
         if (k >= 0) f(owner, k, (entry & entry_is_b) != 0);
       }

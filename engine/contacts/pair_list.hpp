@@ -11,6 +11,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
@@ -70,11 +71,16 @@ struct alignas(64) ThreadPairs {  // threads write their own cache lines
   AlignedArray<std::uint8_t> image;    // only with periodic directions
   AlignedArray<std::uint8_t> species;  // only where not uniform
   AlignedArray<std::byte>
-      history;            // what pairs remember, by memory_at(): doubles or floats; only for laws with history
+      history;            // what pairs remember, memory_size() doubles or floats each; only for laws with history
   MemoryColumns columns;  // of it
-  bool is_mixed = false;  // floats, there and in the slots
-  AlignedArray<std::uint32_t> offsets;  // entries of each of the thread's grains
+  AlignedArray<std::uint16_t> was_near;  // a bit of each pair, a word of each group: the others remember nothing
+  bool is_mixed = false;                 // floats, there and in the slots
+  AlignedArray<std::uint32_t> offsets;   // entries of each of the thread's grains
   AlignedArray<Entry> entries;
+  // Which of its entries a grain that is not deferred has to sum in this step: a bit of each, from a word of its own on.
+  AlignedArray<std::uint64_t> acting;     // and a last word that no one reads
+  std::vector<std::uint32_t> first_word;  // of each grain, and the end; empty where each has one
+  AlignedArray<std::uint32_t> marks;      // of each pair, for a and for b: word << 6 | bit
   std::uint32_t ring_slot = 0;  // place of the ring among the slots: that of pair k's is ring_slot + (k & ring_mask)
   std::uint32_t ring_mask = 0;
   bool has_border = false;          // the last tile holds the border pairs
@@ -84,6 +90,15 @@ struct alignas(64) ThreadPairs {  // threads write their own cache lines
 
   /// The pair of grain i whose slot lies there in the ring: the last one there by the end of its tile.
   std::int64_t pair_in_ring(std::int32_t i, std::uint32_t place) const;
+  /// The pair whose kept slot lies there; -1: it is another thread's.
+  std::int64_t pair_of_kept(std::uint32_t place) const;
+  void release_index() {
+    offsets.release();
+    entries.release();
+    acting.release();
+    marks.release();
+    first_word = {};
+  }
   /// What pair k remembers; all zero for laws without history.
   PairMemory memory(std::int64_t k) const {
     PairMemory m{};
@@ -104,19 +119,9 @@ struct alignas(64) ThreadPairs {  // threads write their own cache lines
   template <typename Function>
   void for_each_used(Function f) const {
     if (history.size() == 0 || tiles.empty()) return;
-    const std::size_t bytes = place(pair_group, 0) * number_size(is_mixed);
-    for (std::int64_t group = 0; group < tiles.back().pair_end; group += pair_group) {
-      const std::byte* const first = history.data() + place(group, 0) * number_size(is_mixed);
-      std::uint64_t any = 0;  // most groups remember nothing
-      for (std::size_t k = 0; k < bytes; k += sizeof(any)) {
-        std::uint64_t some;
-        std::memcpy(&some, first + k, sizeof(some));
-        any |= some;
-      }
-      if (any == 0) continue;
-      for (std::int64_t k = group; k < group + pair_group; ++k)
-        if (memory(k).is_used()) f(k);
-    }
+    for (std::int64_t group = 0; group < tiles.back().pair_end; group += pair_group)
+      for (unsigned rest = was_near[static_cast<std::size_t>(group / pair_group)]; rest != 0; rest &= rest - 1)
+        if (const std::int64_t k = group + std::countr_zero(rest); memory(k).is_used()) f(k);
   }
   std::uint8_t image_of(std::int64_t k) const {
     return image.size() ? image[static_cast<std::size_t>(k)] : std::uint8_t{0};
@@ -124,6 +129,7 @@ struct alignas(64) ThreadPairs {  // threads write their own cache lines
   /// Only for laws with history.
   void set_memory(std::int64_t k, const PairMemory& m) {
     if (!columns.has_history) return;
+    was_near[static_cast<std::size_t>(k / pair_group)] |= static_cast<std::uint16_t>(1u << k % pair_group);
     if (is_mixed)
       each_column(m, [&](double value, int c) { numbers<float>()[place(k, c)] = static_cast<float>(value); });
     else
@@ -139,14 +145,14 @@ struct alignas(64) ThreadPairs {  // threads write their own cache lines
   const Real* numbers() const {
     return reinterpret_cast<const Real*>(history.data());
   }
-  std::size_t place(std::int64_t k, int c) const { return static_cast<std::size_t>(memory_at(k, c, columns.count())); }
+  std::size_t place(std::int64_t k, int c) const { return static_cast<std::size_t>(k * memory_size(columns) + c); }
   /// Calls f(value, column) for every column.
   template <typename Memory, typename Function>
   void each_column(Memory& m, Function f) const {
     for (int c = 0; c < 3; ++c) f(m.displacement[c], c);
     if (columns.has_energy) f(m.energy, 3);
-    for (int c = 0; columns.has_rolling && c < 3; ++c) f(m.further.angle[c], columns.rolling() + c);
-    if (columns.has_bond) f(m.further.bond, columns.bond());
+    for (int c = 0; columns.has_rolling && c < 3; ++c) f(m.further.angle[c], 4 + c);
+    if (columns.has_bond) f(m.further.bond, 7);
   }
 };
 
@@ -291,6 +297,7 @@ class PairList {
   void lay_out(const SearchPlace& place, const PairNeeds& needs, std::span<const std::int32_t> was_at,
                const PairCarry& carry, int thread);
   void index_entries(const Particles& particles, const PairNeeds& needs, int thread);
+  void give_marks(int thread);
   template <typename Function>
   void for_each_raw(std::int32_t begin, std::int32_t end, Function f) const;
   template <typename Function>

@@ -139,7 +139,7 @@ class WallContacts {
     AlignedArray<double> slots;
     WallTouches view;
   };
-  std::size_t memory_doubles() const { return static_cast<std::size_t>(wall_memory_size(has_further_)); }
+  std::size_t memory_doubles() const { return static_cast<std::size_t>(memory_size(has_further_)); }
   static std::size_t index(int thread) { return static_cast<std::size_t>(thread); }
   void find_across_faces(const Particles& particles, std::int32_t begin, std::int32_t end, double skin, double time,
                          WallCandidates& found) const;

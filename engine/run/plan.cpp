@@ -108,8 +108,7 @@ double bytes_per_grain(const Scene& scene) {
   const bool remembers = has_history(scene.contact.tangential);
   const double record = 8.0 * record_size(scene.contact.rotation);
   const MemoryColumns columns = memory_of(law_choice(scene));
-  const double further = 8.0 * ((columns.has_rolling ? 3.0 : 0.0) + (columns.has_bond ? 1.0 : 0.0));
-  const double pairs = 4.2 * (8.0 + 8.0 + (remembers ? 32.0 : 0.0) + further + 2.0);
+  const double pairs = 4.2 * (8.0 + 8.0 + 8.0 + 8.0 * memory_size(columns) + 2.0) + 8.0;
   return 2.0 * record + 8.0 + 2.0 + 36.0 + pairs + (remembers ? 110.0 : 0.0) + 40.0 +
          (scene.output.energy ? 32.0 : 0.0);
 }

@@ -3,6 +3,10 @@
 // Words: a pair is two grains a and b, a of the lower gid, near enough to touch before the next rebuild. A slot receives what
 // a pair gives: force on a (the negative is on b), with rotation also the moment, with the ledger also the energy lost.
 // Slots are summed by kernels/motion in the order of the other's gid.
+//
+// Most pairs do not touch. A sweep first looks which are near enough for a force, by positions alone, and then runs the law over these, one
+// behind the other, and over those that were near in the step before, as what they remember is to end. The slots of the others are left as they
+// are: to the two grains of each that it runs the law over it says, in a bit of each, that there is something to sum.
 #pragma once
 
 #include <cstdint>
@@ -21,26 +25,20 @@ inline constexpr std::int64_t pair_group = 16;
 constexpr int slot_size(bool has_rotation, bool has_ledger, bool has_further = false) {
   return 4 + (has_rotation ? (has_further ? 8 : 4) : 0) + (has_ledger ? 4 : 0);
 }
-/// Numbers that a pair remembers: tangential displacement [m], and with the ledger the energy stored in it [J].
-constexpr int memory_columns(bool has_ledger) { return has_ledger ? 4 : 3; }
-/// The columns of what a pair remembers, with the further laws: tangential displacement [m], stored energy [J], rolling angle [rad],
-/// 1 where a bond is made.
+/// What a pair or a touch with a wall remembers.
 struct MemoryColumns {
   bool has_history = false, has_energy = false, has_rolling = false, has_bond = false;
-  constexpr int rolling() const { return memory_columns(has_energy); }
-  constexpr int bond() const { return rolling() + (has_rolling ? 3 : 0); }
-  constexpr int count() const { return has_history ? bond() + (has_bond ? 1 : 0) : 0; }
   constexpr bool has_further() const { return has_rolling || has_bond; }
 };
+/// Numbers that it remembers them in: tangential displacement [m], energy stored in it [J] | rolling angle [rad], 1 where a bond is made.
+constexpr int memory_size(bool has_further) { return has_further ? 8 : 4; }
+/// Of a pair; none without history.
+constexpr int memory_size(const MemoryColumns& columns) {
+  return columns.has_history ? memory_size(columns.has_further()) : 0;
+}
 constexpr MemoryColumns memory_of(const LawChoice& choice) {
   return {has_history(choice.tangential), choice.has_ledger, choice.rolling == RollingLaw::spring,
           has_bond(choice.cohesion)};
-}
-/// Doubles that a wall touch hands to the sweep and back: displacement, energy | rolling angle, bond.
-constexpr int wall_memory_size(bool has_further) { return has_further ? 8 : 4; }
-/// Where column c of a pair's memory lies: groups of pairs, each with one column behind the other, so that lanes are loaded as they lie.
-constexpr std::int64_t memory_at(std::int64_t pair, int c, int n_columns) {
-  return (pair / pair_group * n_columns + c) * pair_group + pair % pair_group;
 }
 /// Doubles in a grain's record (see engine/particles/fields.hpp).
 constexpr int record_size(bool has_rotation) { return has_rotation ? 12 : 8; }
@@ -52,7 +50,14 @@ struct PairSweep {
   const std::uint8_t* image = nullptr;    // periodic image code of each pair; nullptr: no periodic direction
   const Vec3* image_shift = nullptr;      // [m] by code: x_a - x_b + shift is the separation
   const std::uint8_t* species = nullptr;  // row of the law table; nullptr: row 0 for all (uniform)
-  void* history = nullptr;          // what pairs remember, by memory_at(): doubles, with mixed precision floats [SI]
+  void* history =
+      nullptr;  // what pairs remember, memory_size() numbers each: doubles, with mixed precision floats [SI]
+  std::uint16_t* was_near = nullptr;  // a bit of each pair, a word of each group: it was near in its last sweep. Others
+                                      // remember nothing
+  const std::uint32_t* marks = nullptr;  // of each pair, for a and for b: word << 6 | bit ...
+  std::uint64_t* acting =
+      nullptr;             // ... of the words in which grains see which of their pairs to sum; nullptr: no one asks
+  bool takes_all = false;  // the law is run over all pairs, near or not
   const LawTable* table = nullptr;  // in units of mass
   double inverse_mass = 0.0;        // [1/kg] of every grain (uniform)
   double radius = 0.0;              // [m] of every grain (uniform)
@@ -70,7 +75,8 @@ struct SweepResult {
   bool has_large_overlap = false;
 };
 
-/// Runs the law over `pairs` and writes their slots, the first at `slots`: doubles, with mixed precision floats.
+/// Runs the law over those of `pairs` that are near, or were so in their last sweep, and writes their slots; that of the first of `pairs` is at
+/// `slots`: doubles, with mixed precision floats. Pairs that do not touch any more give zeros (and losses) once.
 using PairKernel = SweepResult (*)(const PairSweep& sweep, Range pairs, void* slots);
 /// Bytes of a number of a slot, or of a pair's memory.
 constexpr std::size_t number_size(bool is_mixed) { return is_mixed ? sizeof(float) : sizeof(double); }
@@ -90,7 +96,7 @@ struct WallTouches {
   const double* velocity_z = nullptr;
   const double* mirror = nullptr;  // 1: a wall; 2: a mirror, in which the grain meets its own image
   const std::uint8_t* species = nullptr;
-  double* history = nullptr;  // wall_memory_size() doubles a touch
+  double* history = nullptr;  // memory_size() doubles a touch
   double* slots = nullptr;    // force on the grain, as for pairs with the grain as a
 };
 

@@ -30,9 +30,7 @@ HWY_INLINE Sum sum_of_contacts(const GrainSums& sums, std::int32_t i, std::int64
   constexpr int slot = slot_size(has_rotation, has_ledger, has_further);
   const Real* const slots = static_cast<const Real*>(sums.slots);
   Sum sum{set_quad(0.0), set_quad(0.0), set_quad(0.0)};
-  const std::uint32_t end = sums.offsets[i - sums.first_grain + 1];
-  for (std::uint32_t q = sums.offsets[i - sums.first_grain]; q < end; ++q) {
-    const Entry entry = sums.entries[q];
+  const auto add = [&](Entry entry) HWY_ATTR {
     const std::uint64_t is_b = entry & entry_is_b;  // no processor foresees it: addresses instead of branches
     const Real* const s = slots + std::int64_t{entry >> 1} * slot;
     sum.force = sum.force + flip_sign_if(is_b, load_quad(s));
@@ -43,6 +41,18 @@ HWY_INLINE Sum sum_of_contacts(const GrainSums& sums, std::int32_t i, std::int64
     }
     if constexpr (has_ledger)
       if (!is_b) sum.lost = sum.lost + load_quad(s + slot - 4);
+  };
+  const std::int32_t row = i - sums.first_grain;
+  if (sums.acting) {
+    const Entry* entries = sums.entries + sums.offsets[row];
+    const std::uint32_t begin = sums.first_word ? sums.first_word[row] : static_cast<std::uint32_t>(row);
+    const std::uint32_t end = sums.first_word ? sums.first_word[row + 1] : begin + 1;
+    for (std::uint32_t word = begin; word < end; ++word, entries += 64) {
+      for (std::uint64_t rest = sums.acting[word]; rest != 0; rest &= rest - 1) add(entries[__builtin_ctzll(rest)]);
+      sums.acting[word] = 0;
+    }
+  } else {
+    for (std::uint32_t q = sums.offsets[row]; q < sums.offsets[row + 1]; ++q) add(sums.entries[q]);
   }
   if constexpr (sizeof(Real) < 8) {
     const Quad unit = set_quad(sums.mass_unit);

@@ -39,7 +39,11 @@ struct GrainSums {
   const std::uint32_t* offsets = nullptr;  // entries of grain i: [offsets[i - first], offsets[i - first + 1])
   const Entry* entries = nullptr;
   const void* slots = nullptr;  // of all pairs: doubles, with mixed precision floats
-  double mass_unit = 1.0;       // [kg] of what is in these, with mixed precision
+  std::uint64_t* acting =
+      nullptr;  // a bit for each entry, those of a grain from a word of its own on: only these are summed, and then
+                // set to zero; nullptr: all are summed
+  const std::uint32_t* first_word = nullptr;  // of each grain, and the end; nullptr: each has one word
+  double mass_unit = 1.0;                     // [kg] of what is in these, with mixed precision
   // Wall touches of the grains to be advanced, in their order.
   const std::int32_t* wall_grain = nullptr;
   const double* wall_slots = nullptr;

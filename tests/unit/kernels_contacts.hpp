@@ -114,6 +114,7 @@ struct Pairs {
   LawTable table;
   int n = 0;  // without filling
   AlignedArray<double> records, history, slots;
+  std::vector<std::uint16_t> was_near;
   std::vector<std::int32_t> a, b;
   std::vector<std::uint8_t> image, species;
   std::vector<Vec3> shifts;
@@ -123,7 +124,7 @@ struct Pairs {
   const double* record(std::int32_t i) const {
     return records.data() + std::int64_t{i} * record_size(choice.has_rotation);
   }
-  int columns() const { return std::max(memory_of(choice).count(), memory_columns(choice.has_ledger)); }
+  int columns() const { return memory_size(memory_of(choice).has_further()); }
   /// Displacement, stored energy, rolling angle and bond of pair k.
   std::array<double, 8> memory(std::int64_t k) const {
     std::array<double, 8> row{};
@@ -133,14 +134,14 @@ struct Pairs {
   void set_memory(std::int64_t k, const std::array<double, 8>& row) {
     each_column([&](std::size_t place, int c) { history[at_column(k, c)] = row[place]; });
   }
-  std::size_t at_column(std::int64_t k, int c) const { return static_cast<std::size_t>(memory_at(k, c, columns())); }
+  std::size_t at_column(std::int64_t k, int c) const { return static_cast<std::size_t>(k * columns() + c); }
   /// Calls f(place in a row, column) for what the choice of laws remembers.
   template <typename Function>
   void each_column(Function f) const {
     const MemoryColumns layout = memory_of(choice);
-    for (int c = 0; c < memory_columns(choice.has_ledger); ++c) f(static_cast<std::size_t>(c), c);
-    for (int c = 0; layout.has_rolling && c < 3; ++c) f(static_cast<std::size_t>(4 + c), layout.rolling() + c);
-    if (layout.has_bond) f(7, layout.bond());
+    for (int c = 0; c < (choice.has_ledger ? 4 : 3); ++c) f(static_cast<std::size_t>(c), c);
+    for (int c = 4; layout.has_rolling && c < 7; ++c) f(static_cast<std::size_t>(c), c);
+    if (layout.has_bond) f(7, 7);
   }
   int slot_doubles() const { return slot_size(choice.has_rotation, choice.has_ledger, choice.has_further()); }
   Range range() const { return {0, static_cast<std::int64_t>(a.size())}; }
@@ -152,6 +153,10 @@ struct Pairs {
             shifts.data(),
             choice.is_uniform ? nullptr : species.data(),
             history.data(),
+            was_near.data(),
+            nullptr,
+            nullptr,
+            false,
             &table,
             inverse_mass,
             radius,
@@ -209,6 +214,7 @@ inline Pairs random_pairs(const LawChoice& choice, int n, std::uint64_t seed) {
   pairs.a.assign(filled, dummy);
   pairs.b.assign(filled, dummy);
   pairs.image.assign(filled, 0);
+  pairs.was_near.assign(filled / pair_group, 0xffff);
   pairs.species.assign(filled, 0);
   pairs.history.resize_discarding(static_cast<std::size_t>(pairs.columns()) * filled);
   pairs.slots.resize_discarding(filled * static_cast<std::size_t>(pairs.slot_doubles()));

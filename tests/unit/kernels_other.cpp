@@ -209,6 +209,41 @@ TEST_CASE("the motion kernel sums and advances as plain code does") {
   }
 }
 
+TEST_CASE("a grain sums those of its entries whose bits are set, and sets them to zero") {
+  for (const bool has_long_rows : {false, true}) {
+    MotionSetup marked(true, true, false), plain(true, true, false);
+    shapes::Dice dice(32);
+    if (has_long_rows)  // the first grain takes over the entries of many
+      for (MotionSetup* const m : {&marked, &plain})
+        for (std::size_t i = 1; i < 60; ++i) m->offsets[i] = m->offsets[60];
+    std::vector<std::uint32_t> first_word = {0};
+    std::vector<std::uint64_t> acting;
+    std::vector<Entry> kept;
+    std::vector<std::uint32_t> offsets = {0};
+    for (std::size_t i = 0; i + 1 < marked.offsets.size(); ++i) {
+      const std::uint32_t begin = marked.offsets[i], n = marked.offsets[i + 1] - begin;
+      first_word.push_back(first_word.back() + std::max(1u, (n + 63) / 64));
+      acting.resize(first_word.back(), 0);
+      for (std::uint32_t q = 0; q < n; ++q)
+        if (dice.index(3) == 0) {
+          acting[first_word[i] + q / 64] |= std::uint64_t{1} << q % 64;
+          kept.push_back(marked.entries[begin + q]);
+        }
+      offsets.push_back(static_cast<std::uint32_t>(kept.size()));
+    }
+    CHECK((acting.size() > static_cast<std::size_t>(marked.n)) == has_long_rows);
+    marked.sums.acting = acting.data();
+    marked.sums.first_word = has_long_rows ? first_word.data() : nullptr;
+    plain.sums.entries = kept.data();
+    plain.sums.offsets = offsets.data();
+    motion_kernel(true, true)(marked.sums, nullptr, {0, marked.n});
+    motion_kernel(true, true)(plain.sums, nullptr, {0, plain.n});
+    CHECK(same_bits(marked.records.data(), plain.records.data(), plain.records.size()));
+    CHECK(same_bits(marked.dissipated.data(), plain.dissipated.data(), plain.dissipated.size()));
+    CHECK(std::all_of(acting.begin(), acting.end(), [](std::uint64_t word) { return word == 0; }));
+  }
+}
+
 TEST_CASE("every instruction set moves grains to the same bits") {
   if (targets().size() < 2) return;
   for (int bits = 0; bits < 8; ++bits) {

@@ -192,6 +192,45 @@ TEST_CASE("every compiled pair sweep gives the forces, moments, memory and losse
   }
 }
 
+TEST_CASE("the law is run over pairs that are near or were so, their grains are told, and other slots are left alone") {
+  for (const LawChoice& choice : all_choices()) {
+    if (choice.is_mixed) continue;
+    INFO(name_of(choice));
+    Pairs all = random_pairs(choice, n_contacts, 18), some = random_pairs(choice, n_contacts, 18);
+    std::vector<std::uint32_t> marks;
+    for (std::uint32_t k = 0; k < some.a.size(); ++k) {
+      marks.push_back(2 * k);
+      marks.push_back(2 * k + 1);
+    }
+    std::vector<std::uint64_t> acting(2 * some.a.size() / 64 + 1, 0);
+    for (std::size_t group = 0; group < some.was_near.size(); ++group)
+      some.was_near[group] = static_cast<std::uint16_t>(0x8421u << group % 4);
+    const std::vector<std::uint16_t> before = some.was_near;
+    PairSweep sweep = some.sweep();
+    sweep.marks = marks.data();
+    sweep.acting = acting.data();
+    const SweepResult result = contact_kernels(choice).pairs(sweep, some.range(), some.slots.data());
+    CHECK(result.n_touching == all.run().n_touching);
+    const auto size = static_cast<std::size_t>(some.slot_doubles());
+    int n_left_alone = 0;
+    for (std::size_t k = 0; k < some.a.size(); ++k) {
+      const bool is_near = some.was_near[k / 16] >> k % 16 & 1, was_near = before[k / 16] >> k % 16 & 1;
+      const bool is_taken = is_near || was_near;
+      REQUIRE(is_near == (all.was_near[k / 16] >> k % 16 & 1));
+      for (const std::uint32_t mark : {marks[2 * k], marks[2 * k + 1]})
+        REQUIRE((acting[mark / 64] >> mark % 64 & 1) == is_taken);
+      const double* const slot = some.slots.data() + k * size;
+      if (is_taken)
+        REQUIRE(same_bits(slot, all.slots.data() + k * size, size));
+      else
+        REQUIRE(std::all_of(slot, slot + size, [](double x) { return x == 1e300; }));
+      if (static_cast<int>(k) < some.n && !is_near && expected_of(all, static_cast<int>(k)).force.acts) FAIL();
+      n_left_alone += !is_taken;
+    }
+    if (choice.cohesion == CohesionLaw::none) CHECK(n_left_alone > some.n / 10);
+  }
+}
+
 TEST_CASE("pairs of the dummy grain give zeros beside pairs that touch") {
   for (const LawChoice& choice : all_choices()) {
     INFO(name_of(choice));
@@ -327,7 +366,7 @@ struct Walls {
             choice.rolling,
             choice.cohesion};
   }
-  int memory_doubles() const { return wall_memory_size(choice.has_further()); }
+  int memory_doubles() const { return memory_size(choice.has_further()); }
   SweepResult run() {
     WallSweep s = sweep();
     if (choice.is_mixed) s.mass_unit = mass_unit_for(1e-3);

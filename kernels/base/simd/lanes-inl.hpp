@@ -117,6 +117,18 @@ template <typename Real>
 HWY_INLINE int store_together(Real* p, Lanes<Real> a, LaneMask<Real> m) {
   return static_cast<int>(hn::CompressStore(a.v, m.m, TagOf<Real>(), p));
 }
+/// Writes those of 16 whole numbers whose bits are set, bit 0 for the first, one behind the other, and may write anything to the rest of 16
+/// places.
+HWY_INLINE void store_marked(std::int32_t* p, const std::int32_t* numbers, unsigned bits) {
+  const hn::CappedTag<std::int32_t, 16> tag;
+  const int n = static_cast<int>(hn::Lanes(tag));
+  for (int first = 0; first < 16; first += n) {
+    const unsigned own = n < 16 ? bits >> first & ((1u << n) - 1u) : bits;
+    const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(own), static_cast<std::uint8_t>(own >> 8)};
+    hn::StoreU(hn::Compress(hn::LoadU(tag, numbers + first), hn::LoadMaskBits(tag, bytes)), tag, p);
+    p += __builtin_popcount(own);
+  }
+}
 /// Which of n_lanes<double> whole numbers are below another: one bit each.
 HWY_INLINE unsigned bits_below(const std::int64_t* numbers, std::int64_t other) {
   const hn::RebindToSigned<TagOf<double>> tag;
@@ -347,6 +359,23 @@ HWY_INLINE void store_records(Pointer record, Lanes4<float> r) {
 #endif
   }
 }
+template <typename Pointer>
+HWY_INLINE Lanes4<float> load_float_records(Pointer record) {
+  const hn::FixedTag<float, 4> q;
+  const auto row = [&](int k) HWY_ATTR {
+    const hn::FixedTag<float, 8> half;
+    const auto first = hn::Combine(half, hn::Load(q, record(k + 4)), hn::Load(q, record(k)));
+#if HWY_MAX_BYTES >= 64
+    const auto second = hn::Combine(half, hn::Load(q, record(k + 12)), hn::Load(q, record(k + 8)));
+    return hn::Combine(TagOf<float>(), second, first);
+#else
+    return first;
+#endif
+  };
+  Lanes4<float> r{row(0), row(1), row(2), row(3)};
+  transpose(r);
+  return r;
+}
 /// Records of eight floats: those of both.
 template <typename Pointer>
 HWY_INLINE void store_records(Pointer record, Lanes4<float> front, Lanes4<float> back) {
@@ -441,6 +470,13 @@ HWY_INLINE Lanes4<double> load_apart(PointerA a, PointerB b) {
 template <typename Pointer>
 HWY_INLINE void store_records(Pointer record, Lanes4<float> r) {
   store_plainly<float>(record, r);
+}
+template <typename Pointer>
+HWY_INLINE Lanes4<float> load_float_records(Pointer record) {
+  alignas(64) float t[4][n_lanes<float>];
+  for (int lane = 0; lane < n_lanes<float>; ++lane)
+    for (int k = 0; k < 4; ++k) t[k][lane] = record(lane)[k];
+  return {load(t[0]), load(t[1]), load(t[2]), load(t[3])};
 }
 template <typename Pointer>
 HWY_INLINE void store_records(Pointer record, Lanes4<float> front, Lanes4<float> back) {

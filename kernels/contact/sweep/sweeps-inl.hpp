@@ -8,6 +8,8 @@
 #define MORAINE_KERNELS_CONTACT_SWEEPS_INL_HPP
 #endif
 
+#include <algorithm>
+
 #include "kernels/contact/laws/further-inl.hpp"
 #include "kernels/contact/laws/laws-inl.hpp"
 #include "kernels/contact/sweep.hpp"
@@ -16,22 +18,16 @@ HWY_BEFORE_NAMESPACE();
 namespace moraine {
 namespace HWY_NAMESPACE {
 
-template <bool has_rotation, bool has_ledger, bool has_further, typename Real>
-HWY_INLINE void clear_slots(Real* slots) {
-  const Lanes<Real> zero(0.0);
-  for (int k = 0; k < slot_size(has_rotation, has_ledger, has_further); ++k) store(slots + k * n_lanes<Real>, zero);
-}
-
-/// Separation from the periodic image that each lane's pair is about; most groups have none.
-HWY_INLINE Lanes3<double> add_image_shift(const PairSweep& sweep, std::int64_t k, Lanes3<double> d) {
+/// Separation from the periodic image that each lane's pair is about, by their codes; most groups have none.
+HWY_INLINE Lanes3<double> add_image_shift(const PairSweep& sweep, const std::uint8_t* codes, Lanes3<double> d) {
   constexpr int n = n_lanes<double>;
   std::uint8_t seen = 0;
-  for (int lane = 0; lane < n; ++lane) seen = static_cast<std::uint8_t>(seen | sweep.image[k + lane]);
+  for (int lane = 0; lane < n; ++lane) seen = static_cast<std::uint8_t>(seen | codes[lane]);
   if (seen == 0) return d;
   alignas(64) double shift[3][n];
   alignas(64) double has_shift[n];
   for (int lane = 0; lane < n; ++lane) {
-    const std::uint8_t code = sweep.image[k + lane];
+    const std::uint8_t code = codes[lane];
     has_shift[lane] = code != 0 ? 1.0 : 0.0;
     for (int axis = 0; axis < 3; ++axis) shift[axis][lane] = sweep.image_shift[code][axis];
   }
@@ -89,9 +85,10 @@ struct Gap {
   }
 };
 
-/// `at_a`, `at_b`: where the records of a lane's grains are. Where all radii are the same, only their sum is read.
+/// `at_a`, `at_b`: where the records of a lane's grains are; `codes`: of their images, where there are any. Where all radii are the same, only
+/// their sum is read.
 template <bool is_uniform, typename PointerA, typename PointerB>
-HWY_INLINE Gap<double> gap_in_double(const PairSweep& sweep, std::int64_t k, PointerA at_a, PointerB at_b) {
+HWY_INLINE Gap<double> gap_in_double(const PairSweep& sweep, const std::uint8_t* codes, PointerA at_a, PointerB at_b) {
   Gap<double> gap;
   if constexpr (is_uniform) {
     const Lanes4<double> apart = load_apart(at_a, at_b);
@@ -105,20 +102,20 @@ HWY_INLINE Gap<double> gap_in_double(const PairSweep& sweep, std::int64_t k, Poi
     gap.radius_a = a.d;
     gap.radius_b = b.d;
   }
-  if (sweep.image) gap.d = add_image_shift(sweep, k, gap.d);
+  if (sweep.image) gap.d = add_image_shift(sweep, codes, gap.d);
   gap.square = dot(gap.d, gap.d);
   gap.touches = gap.square < gap.reach * gap.reach;
   return gap;
 }
 template <typename Real, bool is_uniform, typename PointerA, typename PointerB>
-HWY_INLINE Gap<Real> gap_of(const PairSweep& sweep, std::int64_t k, PointerA at_a, PointerB at_b) {
+HWY_INLINE Gap<Real> gap_of(const PairSweep& sweep, const std::uint8_t* codes, PointerA at_a, PointerB at_b) {
   if constexpr (sizeof(Real) == 8) {
-    return gap_in_double<is_uniform>(sweep, k, at_a, at_b);
+    return gap_in_double<is_uniform>(sweep, codes, at_a, at_b);
   } else {
     constexpr int n = n_lanes<double>;
-    const Gap<double> first = gap_in_double<is_uniform>(sweep, k, at_a, at_b);
+    const Gap<double> first = gap_in_double<is_uniform>(sweep, codes, at_a, at_b);
     const Gap<double> second = gap_in_double<is_uniform>(
-        sweep, k + n, [&](int lane) HWY_ATTR { return at_a(lane + n); },
+        sweep, codes + n, [&](int lane) HWY_ATTR { return at_a(lane + n); },
         [&](int lane) HWY_ATTR { return at_b(lane + n); });
     const auto excess = [](const Gap<double>& half) HWY_ATTR { return half.reach * half.reach - half.square; };
     Gap<Real> gap;
@@ -133,6 +130,72 @@ HWY_INLINE Gap<Real> gap_of(const PairSweep& sweep, std::int64_t k, PointerA at_
   }
 }
 
+/// Pairs that are looked at before the law is run over those that are near: their records stay in L1.
+inline constexpr int chunk_size = 512;
+
+/// Those of a chunk over which the law is run, each array filled up to whole groups with the last of them.
+struct NearPairs {
+  int n = 0;
+  std::int32_t pair[chunk_size + pair_group], a[chunk_size + pair_group], b[chunk_size + pair_group];
+};
+
+/// Bits of the pairs of the group at k that may have a force: where they touch, or, with the further laws, where anything reaches.
+template <bool has_rotation, bool is_uniform, bool has_further>
+HWY_INLINE unsigned near_of_group(const PairSweep& sweep, std::int64_t k) {
+  constexpr int n = n_lanes<double>, stride = record_size(has_rotation);
+  constexpr double beyond_rounding = 1.0 + 1e-5;  // what floats find to be within reach is so here
+  unsigned near = 0;
+  for (int first = 0; first < pair_group; first += n) {
+    const std::int32_t* const ia = sweep.a + k + first;
+    const std::int32_t* const ib = sweep.b + k + first;
+    const Gap<double> gap = gap_in_double<is_uniform>(
+        sweep, sweep.image ? sweep.image + k + first : nullptr,
+        [&](int lane) HWY_ATTR { return sweep.records + static_cast<std::int64_t>(ia[lane]) * stride; },
+        [&](int lane) HWY_ATTR { return sweep.records + static_cast<std::int64_t>(ib[lane]) * stride; });
+    LaneMask<double> reached = gap.touches;
+    if constexpr (has_further) {
+      const Lanes<double> widest = beyond_rounding * (gap.reach + sweep.range);
+      reached = reached | (gap.square < widest * widest);
+    }
+    near |= bits(reached) << first;
+  }
+  return near;
+}
+
+template <bool has_rotation, bool is_uniform, bool has_further>
+HWY_INLINE void find_near(const PairSweep& sweep, Range chunk, NearPairs& found) {
+  found.n = 0;
+  for (std::int64_t k = chunk.begin; k < chunk.end; k += pair_group) {
+    const unsigned near = near_of_group<has_rotation, is_uniform, has_further>(sweep, k);
+    std::uint16_t& was_near = sweep.was_near[k / pair_group];
+    const unsigned taken = sweep.takes_all ? 0xffffu : near | was_near;
+    was_near = static_cast<std::uint16_t>(near);
+    alignas(64) std::int32_t pair[pair_group];
+    for (int lane = 0; lane < pair_group; ++lane) pair[lane] = static_cast<std::int32_t>(k) + lane;
+    store_marked(found.pair + found.n, pair, taken);
+    store_marked(found.a + found.n, sweep.a + k, taken);
+    store_marked(found.b + found.n, sweep.b + k, taken);
+    found.n += __builtin_popcount(taken);
+  }
+  for (int lane = 0; found.n > 0 && lane < pair_group; ++lane) {
+    found.pair[found.n + lane] = found.pair[found.n - 1];
+    found.a[found.n + lane] = found.a[found.n - 1];
+    found.b[found.n + lane] = found.b[found.n - 1];
+  }
+}
+
+/// Tells the grains of these pairs that there is something to sum.
+inline void mark(const PairSweep& sweep, const NearPairs& near) {
+  for (int m = 0; m < near.n; ++m) {
+    const std::uint32_t* const of_pair = sweep.marks + 2 * std::int64_t{near.pair[m]};
+    sweep.acting[of_pair[0] >> 6] |= std::uint64_t{1} << (of_pair[0] & 63);
+    sweep.acting[of_pair[1] >> 6] |= std::uint64_t{1} << (of_pair[1] & 63);
+  }
+}
+
+HWY_INLINE Lanes4<double> load_memory(Lanes<double>, auto record) { return load_records(record); }
+HWY_INLINE Lanes4<float> load_memory(Lanes<float>, auto record) { return load_float_records(record); }
+
 template <NormalLaw normal, TangentialLaw tangential, bool has_rotation, bool is_uniform, bool has_ledger,
           bool has_further, typename Real>
 SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pairs) {
@@ -142,14 +205,15 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
   constexpr bool remembers = has_history(tangential);
   const MemoryColumns columns{remembers, has_ledger, has_further && sweep.rolling == RollingLaw::spring,
                               has_further && has_bond(sweep.cohesion)};
-  const int n_columns = has_further ? columns.count() : memory_columns(has_ledger);
+  const int n_memory = memory_size(has_further && columns.has_further());
   constexpr bool is_spinning = has_rotation && tangential != TangentialLaw::none;
   constexpr bool has_spin_difference = has_further || !is_uniform;
   const double* const records = sweep.records;
   // Masses, and with them forces and energies, in units that keep their squares within what a float can be; memory is in SI.
   const Lanes<Real> unit(sweep.mass_unit), in_units(1.0 / sweep.mass_unit);
   const auto scaled = [&](Lanes<Real> inverse_mass) HWY_ATTR { return is_mixed ? inverse_mass * unit : inverse_mass; };
-  Real* slots = static_cast<Real*>(slots_of_pairs);
+  Real* const slots = static_cast<Real*>(slots_of_pairs);
+  Real* const memory = static_cast<Real*>(sweep.history);
   SweepResult result;
   LaneMask<Real> too_deep = Lanes<Real>(0.0) > 1.0;
   Constants<Real> c{};
@@ -159,9 +223,16 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
         RowOf<Real>{sweep.table, nullptr}, scaled(2.0 * sweep.inverse_mass),
         Lanes<Real>(sweep.radius + sweep.radius) / (radius * radius), sweep.dt);
   }
-  for (std::int64_t k = pairs.begin; k < pairs.end; k += n_lanes<Real>, slots += slot * n_lanes<Real>) {
-    const std::int32_t* const ia = sweep.a + k;
-    const std::int32_t* const ib = sweep.b + k;
+  NearPairs near;
+  const auto run_law = [&](int first) HWY_ATTR {
+    const std::int32_t* const pair = near.pair + first;
+    const std::int32_t* const ia = near.a + first;
+    const std::int32_t* const ib = near.b + first;
+    const LaneMask<Real> are_pairs = first_lanes<Real>(near.n - first);
+    std::uint8_t codes[n_lanes<Real>], species[n_lanes<Real>];
+    for (int lane = 0; sweep.image && lane < n_lanes<Real>; ++lane) codes[lane] = sweep.image[pair[lane]];
+    for (int lane = 0; !is_uniform && sweep.species && lane < n_lanes<Real>; ++lane)
+      species[lane] = sweep.species[pair[lane]];
     const auto at_a = [&](int lane) HWY_ATTR { return records + static_cast<std::int64_t>(ia[lane]) * stride; };
     const auto at_b = [&](int lane) HWY_ATTR { return records + static_cast<std::int64_t>(ib[lane]) * stride; };
     const auto a_plus = [&](int offset) HWY_ATTR { return [=](int lane) HWY_ATTR { return at_a(lane) + offset; }; };
@@ -173,28 +244,19 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
       return scaled(load(values));
     };
 
-    const Gap<Real> gap = gap_of<Real, is_uniform>(sweep, k, at_a, at_b);
+    const Gap<Real> gap = gap_of<Real, is_uniform>(sweep, codes, at_a, at_b);
     const LaneMask<Real> touches = gap.touches;
-    Real* const history = remembers ? static_cast<Real*>(sweep.history) + memory_at(k, 0, n_columns) : nullptr;
+    const auto at_memory = [&](int offset) HWY_ATTR {
+      return [=](int lane) HWY_ATTR { return memory + std::int64_t{pair[lane]} * n_memory + offset; };
+    };
     LaneMask<Real> reached = touches, was_bound = touches;
+    Lanes4<Real> rolled{Real{0}, Real{0}, Real{0}, Real{0}};  // rolling angle, bond
     if constexpr (has_further) {
-      if (columns.has_bond) was_bound = load(history + columns.bond() * pair_group) > 0.0;
+      if (columns.has_further()) rolled = load_memory(Lanes<Real>(), at_memory(4));
+      if (columns.has_bond) was_bound = rolled.d > 0.0;
       const Lanes<Real> widest = gap.reach + sweep.range;
       reached = reached | (gap.square < widest * widest);
       if (columns.has_bond) reached = reached | was_bound;
-    }
-    if (none(reached)) {
-      clear_slots<has_rotation, has_ledger, has_further>(slots);
-      if constexpr (remembers) {
-        if constexpr (has_ledger) {
-          // what a spring still held when its contact ended counts as friction
-          for (int lane = 0; lane < n_lanes<Real>; ++lane)
-            slots[lane * slot + slot - 2] =
-                static_cast<Real>(history[3 * pair_group + lane] * (is_mixed ? 1.0 / sweep.mass_unit : 1.0));
-        }
-        for (int i = 0; i < n_columns; ++i) store(history + i * pair_group, Lanes<Real>(0.0));
-      }
-      continue;
     }
     const Lanes<Real> distance = sqrt(gap.square);
     const Lanes<Real> inverse = 1.0 / distance;
@@ -202,8 +264,8 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
     m.normal = inverse * gap.d;
     m.overlap = gap.overlap(distance);
     too_deep = too_deep | (touches & (m.overlap > sweep.max_overlap * min(gap.radius_a, gap.radius_b)));
-    result.n_touching += count(touches);
-    const RowOf<Real> row{sweep.table, !is_uniform && sweep.species ? sweep.species + k : nullptr};
+    result.n_touching += count(touches & are_pairs);
+    const RowOf<Real> row{sweep.table, !is_uniform && sweep.species ? species : nullptr};
     Bodies<Real> bodies;
     Cohesion<Real> cohesion;
     LaneMask<Real> acts = touches;
@@ -256,41 +318,34 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
     }
     Lanes4<Real> h{};
     if constexpr (remembers) {
-      h = {load(history), load(history + pair_group), load(history + 2 * pair_group), 0.0};
-      if constexpr (has_ledger) h.d = load(history + 3 * pair_group);
+      h = load_memory(Lanes<Real>(), at_memory(0));
       if constexpr (has_ledger && is_mixed) h.d = h.d * in_units;
     }
     ContactForce<Real> f;
     Lanes3<Real> torque;
     if constexpr (has_further) {
-      Real* const angle = history + columns.rolling() * pair_group;
-      Lanes3<Real> before{0.0, 0.0, 0.0};
-      if (columns.has_rolling) before = {load(angle), load(angle + pair_group), load(angle + 2 * pair_group)};
       const FurtherForce<Real> further = further_force<normal, tangential, has_rotation, has_ledger>(
-          sweep.cohesion, sweep.rolling, c, cohesion, bodies, row, touches, m, h.xyz(), before, h.d, sweep.dt);
+          sweep.cohesion, sweep.rolling, c, cohesion, bodies, row, touches, m, h.xyz(), rolled.xyz(), h.d, sweep.dt);
       f = further.contact;
       torque = keep_if(acts, further.rolling.torque);
-      if (columns.has_rolling) {
-        const Lanes3<Real> after = keep_if(acts, further.rolling.angle);
-        store(angle, after.x);
-        store(angle + pair_group, after.y);
-        store(angle + 2 * pair_group, after.z);
+      if (columns.has_further()) {
+        const Lanes3<Real> angle = columns.has_rolling ? keep_if(acts, further.rolling.angle) : rolled.xyz();
+        const Lanes<Real> bond = columns.has_bond ? keep_if(acts, Lanes<Real>(1.0)) : rolled.d;
+        store_records(at_memory(4), Lanes4<Real>{angle.x, angle.y, angle.z, bond});
       }
-      if (columns.has_bond) store(history + columns.bond() * pair_group, keep_if(acts, Lanes<Real>(1.0)));
     } else {
       f = contact_force<normal, tangential, has_ledger>(c, m, h.xyz(), h.d, sweep.dt);
     }
 
     if constexpr (remembers) {
       const Lanes3<Real> kept = keep_if(acts, f.h);
-      store(history, kept.x);
-      store(history + pair_group, kept.y);
-      store(history + 2 * pair_group, kept.z);
-      if constexpr (has_ledger) store(history + 3 * pair_group, keep_if(acts, is_mixed ? f.energy * unit : f.energy));
+      const Lanes<Real> energy = has_ledger ? keep_if(acts, is_mixed ? f.energy * unit : f.energy) : 0.0;
+      store_records(at_memory(0), Lanes4<Real>{kept.x, kept.y, kept.z, energy});
     }
     const Lanes3<Real> force = keep_if(acts, fma(f.normal, m.normal, f.tangential));
-    const auto at_slot = [&](int offset)
-                             HWY_ATTR { return [=](int lane) HWY_ATTR { return slots + lane * slot + offset; }; };
+    const auto at_slot = [&](int offset) HWY_ATTR {
+      return [=](int lane) HWY_ATTR { return slots + (pair[lane] - pairs.begin) * slot + offset; };
+    };
     if constexpr (has_rotation) {
       const Lanes3<Real> moment = keep_if(acts, cross(m.normal, f.tangential));
       // a grain that has left lies nowhere, and its arm is not a number
@@ -317,6 +372,11 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
         if (columns.has_bond) lost_normal = with_breaks(sweep.cohesion, cohesion, was_bound, acts, lost_normal);
       store_records(at_slot(slot - 4), Lanes4<Real>{lost_normal, keep_if(acts, f.lost_tangential), friction, 0.0});
     }
+  };
+  for (std::int64_t begin = pairs.begin; begin < pairs.end; begin += chunk_size) {
+    find_near<has_rotation, is_uniform, has_further>(sweep, {begin, std::min(begin + chunk_size, pairs.end)}, near);
+    if (sweep.acting) mark(sweep, near);
+    for (int m = 0; m < near.n; m += n_lanes<Real>) run_law(m);
   }
   result.has_large_overlap = any(too_deep);
   return result;
@@ -346,7 +406,7 @@ SweepResult sweep_walls(const WallSweep& sweep, Range touches_range) {
   constexpr bool is_mixed = sizeof(Real) < 8;
   constexpr int stride = record_size(has_rotation);
   constexpr int slot = slot_size(has_rotation, has_ledger, has_further);
-  constexpr int n_memory = wall_memory_size(has_further);
+  constexpr int n_memory = memory_size(has_further);
   constexpr bool remembers = has_history(tangential);
   constexpr bool is_spinning = has_rotation && tangential != TangentialLaw::none;
   const WallTouches& t = sweep.touches;
