@@ -48,6 +48,7 @@ class Pass {
         motion_(motion_kernel(needs.choice.has_rotation, needs.choice.has_ledger, false, needs.choice.is_mixed)),
         slot_(slot_bytes(needs.choice)) {
     bed_.restart(needs.choice);
+    sums_.acting = bed_.thread().acting.data();
   }
   double n_grains() const { return bed_.n_grains(); }
   void operator()() {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <numeric>
 
@@ -279,6 +278,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   sums.offsets = mine.offsets.data();
   sums.entries = mine.entries.data();
   sums.slots = pairs_.slots();
+  sums.acting = mine.acting.data();
   sums.first_word = mine.first_word.empty() ? nullptr : mine.first_word.data();
   sums.mass_unit = mass_unit_;
   sums.inside = domain_;
@@ -349,7 +349,6 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
     }
     sweep_kept(tile, approach.own);
     touch_walls(wall_contacts_.tile(thread, t));
-    sums.acting = mine.acting.data();
     if (tile.plain_begin < 0)
       advance_grains(nullptr, {tile.grain_begin, tile.grain_end});
     else
@@ -365,7 +364,7 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   barrier();
   begin = threads::now();
   touch_walls(wall_contacts_.deferred(thread));
-  sums.acting = nullptr;
+  sums.acting = nullptr;  // they sum all
   advance_grains(mine.deferred.data(), {0, static_cast<std::int64_t>(mine.deferred.size())});
   step.seconds += threads::now() - begin;
   result.max_speed = std::sqrt(speed_squared);

@@ -150,9 +150,9 @@ struct alignas(64) ThreadPairs {  // threads write their own cache lines
   template <typename Memory, typename Function>
   void each_column(Memory& m, Function f) const {
     for (int c = 0; c < 3; ++c) f(m.displacement[c], c);
-    if (columns.has_energy) f(m.energy, 3);
-    for (int c = 0; columns.has_rolling && c < 3; ++c) f(m.further.angle[c], 4 + c);
-    if (columns.has_bond) f(m.further.bond, 7);
+    if (columns.has_energy) f(m.energy, energy_in_memory);
+    for (int c = 0; columns.has_rolling && c < 3; ++c) f(m.further.angle[c], angle_in_memory + c);
+    if (columns.has_bond) f(m.further.bond, bond_in_memory);
   }
 };
 

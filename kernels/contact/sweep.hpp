@@ -31,6 +31,7 @@ struct MemoryColumns {
   constexpr bool has_further() const { return has_rolling || has_bond; }
 };
 /// Numbers that it remembers them in: tangential displacement [m], energy stored in it [J] | rolling angle [rad], 1 where a bond is made.
+inline constexpr int energy_in_memory = 3, angle_in_memory = 4, bond_in_memory = 7;
 constexpr int memory_size(bool has_further) { return has_further ? 8 : 4; }
 /// Of a pair; none without history.
 constexpr int memory_size(const MemoryColumns& columns) {

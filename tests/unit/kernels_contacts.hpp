@@ -140,8 +140,8 @@ struct Pairs {
   void each_column(Function f) const {
     const MemoryColumns layout = memory_of(choice);
     for (int c = 0; c < (choice.has_ledger ? 4 : 3); ++c) f(static_cast<std::size_t>(c), c);
-    for (int c = 4; layout.has_rolling && c < 7; ++c) f(static_cast<std::size_t>(c), c);
-    if (layout.has_bond) f(7, 7);
+    for (int c = angle_in_memory; layout.has_rolling && c < bond_in_memory; ++c) f(static_cast<std::size_t>(c), c);
+    if (layout.has_bond) f(7, bond_in_memory);
   }
   int slot_doubles() const { return slot_size(choice.has_rotation, choice.has_ledger, choice.has_further()); }
   Range range() const { return {0, static_cast<std::int64_t>(a.size())}; }

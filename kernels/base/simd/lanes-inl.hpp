@@ -102,6 +102,13 @@ HWY_INLINE unsigned bits(LaneMask<Real> m) {
   hn::StoreMaskBits(TagOf<Real>(), m.m, bytes);
   return bytes[0] | static_cast<unsigned>(bytes[1]) << 8;
 }
+/// The lanes whose bits are set, lane 0 lowest; further bits do not matter.
+template <typename Real>
+HWY_INLINE LaneMask<Real> lanes_of(unsigned bits) {
+  const unsigned own = bits & ((1u << n_lanes<Real>)-1u);
+  const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(own), static_cast<std::uint8_t>(own >> 8)};
+  return {hn::LoadMaskBits(TagOf<Real>(), bytes)};
+}
 /// first, first + 1, ... in the lanes.
 template <typename Real>
 HWY_INLINE Lanes<Real> counting_from(double first) {
@@ -125,8 +132,7 @@ HWY_INLINE void store_marked(std::int32_t* p, const std::int32_t* numbers, unsig
   for (int first = 0; first < 16; first += n) {
     const unsigned own = n < 16 ? bits >> first & ((1u << n) - 1u) : bits;
     const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(own), static_cast<std::uint8_t>(own >> 8)};
-    hn::StoreU(hn::Compress(hn::LoadU(tag, numbers + first), hn::LoadMaskBits(tag, bytes)), tag, p);
-    p += __builtin_popcount(own);
+    p += hn::CompressStore(hn::LoadU(tag, numbers + first), hn::LoadMaskBits(tag, bytes), tag, p);
   }
 }
 /// Which of n_lanes<double> whole numbers are below another: one bit each.

@@ -18,16 +18,16 @@ HWY_BEFORE_NAMESPACE();
 namespace moraine {
 namespace HWY_NAMESPACE {
 
-/// Separation from the periodic image that each lane's pair is about, by their codes; most groups have none.
-HWY_INLINE Lanes3<double> add_image_shift(const PairSweep& sweep, const std::uint8_t* codes, Lanes3<double> d) {
+/// Separation from the periodic image that each lane's pair is about; most groups have none.
+HWY_INLINE Lanes3<double> add_image_shift(const PairSweep& sweep, std::int64_t k, Lanes3<double> d) {
   constexpr int n = n_lanes<double>;
   std::uint8_t seen = 0;
-  for (int lane = 0; lane < n; ++lane) seen = static_cast<std::uint8_t>(seen | codes[lane]);
+  for (int lane = 0; lane < n; ++lane) seen = static_cast<std::uint8_t>(seen | sweep.image[k + lane]);
   if (seen == 0) return d;
   alignas(64) double shift[3][n];
   alignas(64) double has_shift[n];
   for (int lane = 0; lane < n; ++lane) {
-    const std::uint8_t code = codes[lane];
+    const std::uint8_t code = sweep.image[k + lane];
     has_shift[lane] = code != 0 ? 1.0 : 0.0;
     for (int axis = 0; axis < 3; ++axis) shift[axis][lane] = sweep.image_shift[code][axis];
   }
@@ -72,7 +72,8 @@ HWY_INLINE auto in_double(Function f) {
 template <typename Real>
 struct Gap {
   Lanes3<Real> d;  // x_a - x_b [m]
-  Lanes<Real> square, reach, radius_a, radius_b;
+  Lanes<Real> reach, radius_a, radius_b;
+  Lanes<Real> square;
   Lanes<Real> excess;  // reach^2 - d^2 (mixed precision)
   LaneMask<Real> touches;
 
@@ -85,16 +86,25 @@ struct Gap {
   }
 };
 
-/// `at_a`, `at_b`: where the records of a lane's grains are; `codes`: of their images, where there are any. Where all radii are the same, only
-/// their sum is read.
-template <bool is_uniform, typename PointerA, typename PointerB>
-HWY_INLINE Gap<double> gap_in_double(const PairSweep& sweep, const std::uint8_t* codes, PointerA at_a, PointerB at_b) {
+HWY_INLINE Gap<double> with_square(Gap<double> gap) {
+  gap.square = dot(gap.d, gap.d);
+  gap.touches = gap.square < gap.reach * gap.reach;
+  return gap;
+}
+
+/// Of the pairs from k on, one a lane. Where all radii are the same, only their sum is read.
+template <bool has_rotation, bool is_uniform>
+HWY_INLINE Gap<double> gap_of_pairs(const PairSweep& sweep, std::int64_t k) {
+  constexpr int stride = record_size(has_rotation);
+  const auto at_a = [&](int lane)
+                        HWY_ATTR { return sweep.records + static_cast<std::int64_t>(sweep.a[k + lane]) * stride; };
+  const auto at_b = [&](int lane)
+                        HWY_ATTR { return sweep.records + static_cast<std::int64_t>(sweep.b[k + lane]) * stride; };
   Gap<double> gap;
   if constexpr (is_uniform) {
     const Lanes4<double> apart = load_apart(at_a, at_b);
     gap.d = apart.xyz();
     gap.reach = apart.d;
-    gap.radius_a = gap.radius_b = sweep.radius;
   } else {
     const Lanes4<double> a = load_records(at_a), b = load_records(at_b);
     gap.d = a.xyz() - b.xyz();
@@ -102,85 +112,96 @@ HWY_INLINE Gap<double> gap_in_double(const PairSweep& sweep, const std::uint8_t*
     gap.radius_a = a.d;
     gap.radius_b = b.d;
   }
-  if (sweep.image) gap.d = add_image_shift(sweep, codes, gap.d);
-  gap.square = dot(gap.d, gap.d);
-  gap.touches = gap.square < gap.reach * gap.reach;
-  return gap;
-}
-template <typename Real, bool is_uniform, typename PointerA, typename PointerB>
-HWY_INLINE Gap<Real> gap_of(const PairSweep& sweep, const std::uint8_t* codes, PointerA at_a, PointerB at_b) {
-  if constexpr (sizeof(Real) == 8) {
-    return gap_in_double<is_uniform>(sweep, codes, at_a, at_b);
-  } else {
-    constexpr int n = n_lanes<double>;
-    const Gap<double> first = gap_in_double<is_uniform>(sweep, codes, at_a, at_b);
-    const Gap<double> second = gap_in_double<is_uniform>(
-        sweep, codes + n, [&](int lane) HWY_ATTR { return at_a(lane + n); },
-        [&](int lane) HWY_ATTR { return at_b(lane + n); });
-    const auto excess = [](const Gap<double>& half) HWY_ATTR { return half.reach * half.reach - half.square; };
-    Gap<Real> gap;
-    gap.d = narrowed(first.d, second.d);
-    gap.square = narrowed(first.square, second.square);
-    gap.reach = narrowed(first.reach, second.reach);
-    gap.radius_a = is_uniform ? Lanes<Real>(sweep.radius) : narrowed(first.radius_a, second.radius_a);
-    gap.radius_b = is_uniform ? Lanes<Real>(sweep.radius) : narrowed(first.radius_b, second.radius_b);
-    gap.excess = narrowed(excess(first), excess(second));
-    gap.touches = gap.excess > 0.0;
-    return gap;
-  }
+  if (sweep.image) gap.d = add_image_shift(sweep, k, gap.d);
+  return with_square(gap);
 }
 
-/// Pairs that are looked at before the law is run over those that are near: their records stay in L1.
-inline constexpr int chunk_size = 512;
+/// Pairs that are looked at before the law is run over those that are near: what is known of these stays in L1.
+inline constexpr int chunk_size = 256;
 
-/// Those of a chunk over which the law is run, each array filled up to whole groups with the last of them.
+/// The pairs of a chunk over which the law is run, one behind the other.
 struct NearPairs {
+  static constexpr int capacity = chunk_size + pair_group;
   int n = 0;
-  std::int32_t pair[chunk_size + pair_group], a[chunk_size + pair_group], b[chunk_size + pair_group];
+  std::int32_t pair[capacity], a[capacity], b[capacity];
+  alignas(64) double x[capacity], y[capacity], z[capacity], reach[capacity];  // of their gaps
+  double radius_a[capacity], radius_b[capacity];                              // not where all radii are the same
+
+  /// Fills the last group of lanes up with the last pair.
+  void fill_up(int n_in_group) {
+    for (int m = n; m % n_in_group != 0; ++m) for_each_column([&](auto* column) { column[m] = column[n - 1]; });
+  }
+
+ private:
+  template <typename Function>
+  void for_each_column(Function f) {
+    f(pair), f(a), f(b), f(x), f(y), f(z), f(reach), f(radius_a), f(radius_b);
+  }
 };
 
-/// Bits of the pairs of the group at k that may have a force: where they touch, or, with the further laws, where anything reaches.
-template <bool has_rotation, bool is_uniform, bool has_further>
-HWY_INLINE unsigned near_of_group(const PairSweep& sweep, std::int64_t k) {
-  constexpr int n = n_lanes<double>, stride = record_size(has_rotation);
-  constexpr double beyond_rounding = 1.0 + 1e-5;  // what floats find to be within reach is so here
-  unsigned near = 0;
-  for (int first = 0; first < pair_group; first += n) {
-    const std::int32_t* const ia = sweep.a + k + first;
-    const std::int32_t* const ib = sweep.b + k + first;
-    const Gap<double> gap = gap_in_double<is_uniform>(
-        sweep, sweep.image ? sweep.image + k + first : nullptr,
-        [&](int lane) HWY_ATTR { return sweep.records + static_cast<std::int64_t>(ia[lane]) * stride; },
-        [&](int lane) HWY_ATTR { return sweep.records + static_cast<std::int64_t>(ib[lane]) * stride; });
-    LaneMask<double> reached = gap.touches;
-    if constexpr (has_further) {
-      const Lanes<double> widest = beyond_rounding * (gap.reach + sweep.range);
-      reached = reached | (gap.square < widest * widest);
-    }
-    near |= bits(reached) << first;
-  }
-  return near;
-}
-
+/// Those that may have a force: that touch, or, with the further laws, are within reach of anything; and those that were so in their last sweep.
 template <bool has_rotation, bool is_uniform, bool has_further>
 HWY_INLINE void find_near(const PairSweep& sweep, Range chunk, NearPairs& found) {
+  constexpr int n = n_lanes<double>;
+  constexpr double beyond_rounding = 1.0 + 1e-5;  // what floats find to be within reach is so here
   found.n = 0;
   for (std::int64_t k = chunk.begin; k < chunk.end; k += pair_group) {
-    const unsigned near = near_of_group<has_rotation, is_uniform, has_further>(sweep, k);
     std::uint16_t& was_near = sweep.was_near[k / pair_group];
-    const unsigned taken = sweep.takes_all ? 0xffffu : near | was_near;
+    const unsigned anyway = sweep.takes_all ? 0xffffu : was_near;
+    unsigned near = 0;
+    int end = found.n;
+    for (int first = 0; first < pair_group; first += n) {
+      const Gap<double> gap = gap_of_pairs<has_rotation, is_uniform>(sweep, k + first);
+      LaneMask<double> reached = gap.touches;
+      if constexpr (has_further) {
+        const Lanes<double> widest = beyond_rounding * (gap.reach + sweep.range);
+        reached = reached | (gap.square < widest * widest);
+      }
+      near |= bits(reached) << first;
+      const LaneMask<double> taken = reached | lanes_of<double>(anyway >> first);
+      store_together(found.x + end, gap.d.x, taken);
+      store_together(found.y + end, gap.d.y, taken);
+      store_together(found.z + end, gap.d.z, taken);
+      if constexpr (!is_uniform) {
+        store_together(found.radius_a + end, gap.radius_a, taken);
+        store_together(found.radius_b + end, gap.radius_b, taken);
+      }
+      end += store_together(found.reach + end, gap.reach, taken);
+    }
     was_near = static_cast<std::uint16_t>(near);
     alignas(64) std::int32_t pair[pair_group];
     for (int lane = 0; lane < pair_group; ++lane) pair[lane] = static_cast<std::int32_t>(k) + lane;
-    store_marked(found.pair + found.n, pair, taken);
-    store_marked(found.a + found.n, sweep.a + k, taken);
-    store_marked(found.b + found.n, sweep.b + k, taken);
-    found.n += __builtin_popcount(taken);
+    store_marked(found.pair + found.n, pair, near | anyway);
+    store_marked(found.a + found.n, sweep.a + k, near | anyway);
+    store_marked(found.b + found.n, sweep.b + k, near | anyway);
+    found.n = end;
   }
-  for (int lane = 0; found.n > 0 && lane < pair_group; ++lane) {
-    found.pair[found.n + lane] = found.pair[found.n - 1];
-    found.a[found.n + lane] = found.a[found.n - 1];
-    found.b[found.n + lane] = found.b[found.n - 1];
+}
+
+template <typename Real, bool is_uniform>
+HWY_INLINE Gap<Real> gap_of_near(const PairSweep& sweep, const NearPairs& near, int first) {
+  const auto in_double = [&](int m) HWY_ATTR {
+    Gap<double> gap;
+    gap.d = {load(near.x + m), load(near.y + m), load(near.z + m)};
+    gap.reach = load(near.reach + m);
+    gap.radius_a = is_uniform ? Lanes<double>(sweep.radius) : load(near.radius_a + m);
+    gap.radius_b = is_uniform ? Lanes<double>(sweep.radius) : load(near.radius_b + m);
+    return with_square(gap);
+  };
+  if constexpr (sizeof(Real) == 8) {
+    return in_double(first);
+  } else {
+    const Gap<double> one = in_double(first), two = in_double(first + n_lanes<double>);
+    const auto excess = [](const Gap<double>& half) HWY_ATTR { return half.reach * half.reach - half.square; };
+    Gap<Real> gap;
+    gap.d = narrowed(one.d, two.d);
+    gap.square = narrowed(one.square, two.square);
+    gap.reach = narrowed(one.reach, two.reach);
+    gap.radius_a = narrowed(one.radius_a, two.radius_a);
+    gap.radius_b = narrowed(one.radius_b, two.radius_b);
+    gap.excess = narrowed(excess(one), excess(two));
+    gap.touches = gap.excess > 0.0;
+    return gap;
   }
 }
 
@@ -229,8 +250,7 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
     const std::int32_t* const ia = near.a + first;
     const std::int32_t* const ib = near.b + first;
     const LaneMask<Real> are_pairs = first_lanes<Real>(near.n - first);
-    std::uint8_t codes[n_lanes<Real>], species[n_lanes<Real>];
-    for (int lane = 0; sweep.image && lane < n_lanes<Real>; ++lane) codes[lane] = sweep.image[pair[lane]];
+    std::uint8_t species[n_lanes<Real>];
     for (int lane = 0; !is_uniform && sweep.species && lane < n_lanes<Real>; ++lane)
       species[lane] = sweep.species[pair[lane]];
     const auto at_a = [&](int lane) HWY_ATTR { return records + static_cast<std::int64_t>(ia[lane]) * stride; };
@@ -244,7 +264,7 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
       return scaled(load(values));
     };
 
-    const Gap<Real> gap = gap_of<Real, is_uniform>(sweep, codes, at_a, at_b);
+    const Gap<Real> gap = gap_of_near<Real, is_uniform>(sweep, near, first);
     const LaneMask<Real> touches = gap.touches;
     const auto at_memory = [&](int offset) HWY_ATTR {
       return [=](int lane) HWY_ATTR { return memory + std::int64_t{pair[lane]} * n_memory + offset; };
@@ -252,7 +272,7 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
     LaneMask<Real> reached = touches, was_bound = touches;
     Lanes4<Real> rolled{Real{0}, Real{0}, Real{0}, Real{0}};  // rolling angle, bond
     if constexpr (has_further) {
-      if (columns.has_further()) rolled = load_memory(Lanes<Real>(), at_memory(4));
+      if (columns.has_further()) rolled = load_memory(Lanes<Real>(), at_memory(angle_in_memory));
       if (columns.has_bond) was_bound = rolled.d > 0.0;
       const Lanes<Real> widest = gap.reach + sweep.range;
       reached = reached | (gap.square < widest * widest);
@@ -331,7 +351,7 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
       if (columns.has_further()) {
         const Lanes3<Real> angle = columns.has_rolling ? keep_if(acts, further.rolling.angle) : rolled.xyz();
         const Lanes<Real> bond = columns.has_bond ? keep_if(acts, Lanes<Real>(1.0)) : rolled.d;
-        store_records(at_memory(4), Lanes4<Real>{angle.x, angle.y, angle.z, bond});
+        store_records(at_memory(angle_in_memory), Lanes4<Real>{angle.x, angle.y, angle.z, bond});
       }
     } else {
       f = contact_force<normal, tangential, has_ledger>(c, m, h.xyz(), h.d, sweep.dt);
@@ -375,6 +395,7 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
   };
   for (std::int64_t begin = pairs.begin; begin < pairs.end; begin += chunk_size) {
     find_near<has_rotation, is_uniform, has_further>(sweep, {begin, std::min(begin + chunk_size, pairs.end)}, near);
+    near.fill_up(n_lanes<Real>);
     if (sweep.acting) mark(sweep, near);
     for (int m = 0; m < near.n; m += n_lanes<Real>) run_law(m);
   }
