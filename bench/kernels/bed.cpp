@@ -181,7 +181,7 @@ Work work_of_sweep(const Bed& bed, const LawChoice& choice, bool has_images, dou
   Work work;
   const double per_pair = 8.0 + (choice.is_uniform ? 0.0 : 1.0) + (has_images ? 1.0 : 0.0);
   const double number = static_cast<double>(number_size(choice.is_mixed));
-  const double history = has_history(choice.tangential) ? number * memory_size(false) : 0.0;
+  const double history = number * memory_size(memory_of(choice));
   const double records = bed.n_grains() * doubles(record_size(choice.has_rotation));
   work.items_name = "contacts/s";
   work.items = n_touching;

@@ -446,7 +446,8 @@ void PairList::lay_out(const SearchPlace& place, const PairNeeds& needs, std::sp
   mine.species.resize_discarding(needs.has_species ? capacity : 0);
   mine.columns = needs.memory;
   mine.is_mixed = needs.is_mixed;
-  mine.history.resize_discarding(at(memory_size(needs.memory)) * capacity * number_size(needs.is_mixed));
+  const std::size_t n_remembered = at(memory_size(needs.memory)) * capacity;
+  mine.history.resize_discarding(n_remembered > 0 ? (n_remembered + beyond_memory) * number_size(needs.is_mixed) : 0);
   mine.was_near.resize_discarding(capacity / pair_group);
   std::fill(mine.was_near.begin(), mine.was_near.end(), std::uint16_t{0});
   mine.tiles.clear();

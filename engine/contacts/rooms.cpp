@@ -15,7 +15,7 @@ namespace {
 std::size_t at(std::int64_t i) { return static_cast<std::size_t>(i); }
 
 // All in steps and mean diameters. A rebuild costs about as much as this many steps ...
-constexpr double cost_of_rebuild = 6.5;
+constexpr double cost_of_rebuild = 9.0;
 // ... and each mean diameter of skin so many times what a step without one costs.
 constexpr double cost_of_skin = 1.1;
 /// Room that every grain has [mean diameters]: a step or more, whatever happens to it.

@@ -32,11 +32,14 @@ struct MemoryColumns {
 };
 /// Numbers that it remembers them in: tangential displacement [m], energy stored in it [J] | rolling angle [rad], 1 where a bond is made.
 inline constexpr int energy_in_memory = 3, angle_in_memory = 4, bond_in_memory = 7;
+/// Of a touch with a wall.
 constexpr int memory_size(bool has_further) { return has_further ? 8 : 4; }
-/// Of a pair; none without history.
+/// Of a pair: none that are not needed, as there are many. What is read of the last pair may reach `beyond_memory` numbers further.
 constexpr int memory_size(const MemoryColumns& columns) {
-  return columns.has_history ? memory_size(columns.has_further()) : 0;
+  if (!columns.has_history) return 0;
+  return columns.has_energy || columns.has_further() ? memory_size(columns.has_further()) : 3;
 }
+inline constexpr int beyond_memory = 1;
 constexpr MemoryColumns memory_of(const LawChoice& choice) {
   return {has_history(choice.tangential), choice.has_ledger, choice.rolling == RollingLaw::spring,
           has_bond(choice.cohesion)};

@@ -124,7 +124,9 @@ struct Pairs {
   const double* record(std::int32_t i) const {
     return records.data() + std::int64_t{i} * record_size(choice.has_rotation);
   }
-  int columns() const { return memory_size(memory_of(choice).has_further()); }
+  int columns() const {
+    return std::max(3, memory_size(memory_of(choice)));
+  }  // where nothing is remembered, no one asks
   /// Displacement, stored energy, rolling angle and bond of pair k.
   std::array<double, 8> memory(std::int64_t k) const {
     std::array<double, 8> row{};
@@ -216,7 +218,7 @@ inline Pairs random_pairs(const LawChoice& choice, int n, std::uint64_t seed) {
   pairs.image.assign(filled, 0);
   pairs.was_near.assign(filled / pair_group, 0xffff);
   pairs.species.assign(filled, 0);
-  pairs.history.resize_discarding(static_cast<std::size_t>(pairs.columns()) * filled);
+  pairs.history.resize_discarding(static_cast<std::size_t>(pairs.columns()) * filled + beyond_memory);
   pairs.slots.resize_discarding(filled * static_cast<std::size_t>(pairs.slot_doubles()));
   pairs.records.resize_discarding(static_cast<std::size_t>((2 * n + 1) * record_size(choice.has_rotation)));
   std::fill(pairs.history.begin(), pairs.history.end(), 0.0);

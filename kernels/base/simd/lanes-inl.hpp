@@ -119,10 +119,26 @@ template <typename Real>
 HWY_INLINE LaneMask<Real> first_lanes(std::int64_t n) {
   return {hn::FirstN(TagOf<Real>(), static_cast<std::size_t>(n < n_lanes<Real> ? n : n_lanes<Real>))};
 }
+/// Writes the marked lanes of a vector one behind the other, and may write anything to the lanes behind them.
+template <typename Tag>
+HWY_INLINE void compress_to(hn::TFromD<Tag>* p, hn::Vec<Tag> v, hn::Mask<Tag> m, Tag tag) {
+#if HWY_TARGET <= HWY_AVX3 && HWY_ARCH_X86
+  // Put together in a register and then stored: some processors take a hundred cycles and more to store what is being put together. (Highway does
+  // it by a table for numbers of 64 bits.)
+  if constexpr (sizeof(v.raw) == 64) {
+    if constexpr (std::is_same_v<hn::TFromD<Tag>, double>)
+      _mm512_storeu_pd(p, _mm512_maskz_compress_pd(m.raw, v.raw));
+    else
+      _mm512_storeu_si512(p, _mm512_maskz_compress_epi32(m.raw, v.raw));
+    return;
+  }
+#endif
+  hn::CompressStore(v, m, tag, p);
+}
 /// Writes the lanes of m one behind the other, and may write anything to the lanes behind them; returns how many they are.
-template <typename Real>
-HWY_INLINE int store_together(Real* p, Lanes<Real> a, LaneMask<Real> m) {
-  return static_cast<int>(hn::CompressStore(a.v, m.m, TagOf<Real>(), p));
+HWY_INLINE int store_together(double* p, Lanes<double> a, LaneMask<double> m) {
+  compress_to(p, a.v, m.m, TagOf<double>());
+  return count(m);
 }
 /// Writes those of 16 whole numbers whose bits are set, bit 0 for the first, one behind the other, and may write anything to the rest of 16
 /// places.
@@ -132,7 +148,9 @@ HWY_INLINE void store_marked(std::int32_t* p, const std::int32_t* numbers, unsig
   for (int first = 0; first < 16; first += n) {
     const unsigned own = n < 16 ? bits >> first & ((1u << n) - 1u) : bits;
     const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(own), static_cast<std::uint8_t>(own >> 8)};
-    p += hn::CompressStore(hn::LoadU(tag, numbers + first), hn::LoadMaskBits(tag, bytes), tag, p);
+    const auto mask = hn::LoadMaskBits(tag, bytes);
+    compress_to(p, hn::LoadU(tag, numbers + first), mask, tag);
+    p += hn::CountTrue(tag, mask);
   }
 }
 /// Which of n_lanes<double> whole numbers are below another: one bit each.
@@ -277,9 +295,9 @@ template <typename Pointer>
 HWY_INLINE Lanes<double> load_row(Pointer record, int k) {
 #if HWY_MAX_BYTES >= 64
   const QuadTag q;
-  return hn::Combine(TagOf<double>(), hn::Load(q, record(k + 4)), hn::Load(q, record(k)));
+  return hn::Combine(TagOf<double>(), hn::LoadU(q, record(k + 4)), hn::LoadU(q, record(k)));
 #else
-  return hn::Load(TagOf<double>(), record(k));
+  return hn::LoadU(TagOf<double>(), record(k));
 #endif
 }
 template <typename Pointer>
@@ -287,16 +305,36 @@ HWY_INLINE Lanes4<double> load_rows(Pointer record) {
   return {load_row(record, 0), load_row(record, 1), load_row(record, 2), load_row(record, 3)};
 }
 
-template <typename Pointer>
-HWY_INLINE void store_rows(Pointer record, const Lanes4<double>& r) {
+/// Calls put(four numbers, where) for every row.
+template <typename Pointer, typename Function>
+HWY_INLINE void each_row(Pointer record, Lanes4<double> r, Function put) {
+  transpose(r);
   const Lanes<double> rows[4] = {r.a, r.b, r.c, r.d};
   for (int k = 0; k < 4; ++k) {
 #if HWY_MAX_BYTES >= 64
-    const QuadTag q;
-    hn::Store(hn::LowerHalf(rows[k].v), q, record(k));
-    hn::Store(hn::UpperHalf(q, rows[k].v), q, record(k + 4));
+    put(hn::LowerHalf(rows[k].v), record(k));
+    put(hn::UpperHalf(QuadTag(), rows[k].v), record(k + 4));
 #else
-    hn::Store(rows[k].v, TagOf<double>(), record(k));
+    put(rows[k].v, record(k));
+#endif
+  }
+}
+template <typename Pointer, typename Function>
+HWY_INLINE void each_row(Pointer record, Lanes4<float> r, Function put) {
+  transpose(r);
+  const Lanes<float> rows[4] = {r.a, r.b, r.c, r.d};
+  const hn::FixedTag<float, 4> q;
+  for (int k = 0; k < 4; ++k) {
+#if HWY_MAX_BYTES >= 64
+    const hn::FixedTag<float, 8> half;
+    const auto first = hn::LowerHalf(half, rows[k].v), second = hn::UpperHalf(half, rows[k].v);
+    put(hn::LowerHalf(q, first), record(k));
+    put(hn::UpperHalf(q, first), record(k + 4));
+    put(hn::LowerHalf(q, second), record(k + 8));
+    put(hn::UpperHalf(q, second), record(k + 12));
+#else
+    put(hn::LowerHalf(q, rows[k].v), record(k));
+    put(hn::UpperHalf(q, rows[k].v), record(k + 4));
 #endif
   }
 }
@@ -308,10 +346,19 @@ HWY_INLINE Lanes4<double> load_records(Pointer record) {
   transpose(r);
   return r;
 }
-template <typename Pointer>
-HWY_INLINE void store_records(Pointer record, Lanes4<double> r) {
-  transpose(r);
-  store_rows(record, r);
+/// And back, to records that begin at multiples of their size.
+template <typename Real, typename Pointer>
+HWY_INLINE void store_records(Pointer record, const Lanes4<Real>& r) {
+  const hn::FixedTag<Real, 4> q;
+  each_row(record, r, [&](auto row, Real* p) HWY_ATTR { hn::Store(row, q, p); });
+}
+/// Writes the first three numbers of each record.
+template <typename Real, typename Pointer>
+HWY_INLINE void store_threes(Pointer record, const Lanes3<Real>& r) {
+  const hn::FixedTag<Real, 4> q;
+  const auto three = hn::FirstN(q, 3);
+  each_row(record, Lanes4<Real>{r.x, r.y, r.z, r.z},
+           [&](auto row, Real* p) HWY_ATTR { hn::BlendedStore(row, three, q, p); });
 }
 /// Of the rows k of a and b: the difference of the first three numbers, the sum of the last.
 template <typename PointerA, typename PointerB>
@@ -347,32 +394,13 @@ HWY_INLINE Lanes4<float> load_narrowed_sum(PointerA a, PointerB b) {
 }
 /// Records of four floats.
 template <typename Pointer>
-HWY_INLINE void store_records(Pointer record, Lanes4<float> r) {
-  transpose(r);
-  const Lanes<float> rows[4] = {r.a, r.b, r.c, r.d};
-  const hn::FixedTag<float, 4> q;
-  for (int k = 0; k < 4; ++k) {
-#if HWY_MAX_BYTES >= 64
-    const hn::FixedTag<float, 8> half;
-    const auto first = hn::LowerHalf(half, rows[k].v), second = hn::UpperHalf(half, rows[k].v);
-    hn::Store(hn::LowerHalf(q, first), q, record(k));
-    hn::Store(hn::UpperHalf(q, first), q, record(k + 4));
-    hn::Store(hn::LowerHalf(q, second), q, record(k + 8));
-    hn::Store(hn::UpperHalf(q, second), q, record(k + 12));
-#else
-    hn::Store(hn::LowerHalf(q, rows[k].v), q, record(k));
-    hn::Store(hn::UpperHalf(q, rows[k].v), q, record(k + 4));
-#endif
-  }
-}
-template <typename Pointer>
 HWY_INLINE Lanes4<float> load_float_records(Pointer record) {
   const hn::FixedTag<float, 4> q;
   const auto row = [&](int k) HWY_ATTR {
     const hn::FixedTag<float, 8> half;
-    const auto first = hn::Combine(half, hn::Load(q, record(k + 4)), hn::Load(q, record(k)));
+    const auto first = hn::Combine(half, hn::LoadU(q, record(k + 4)), hn::LoadU(q, record(k)));
 #if HWY_MAX_BYTES >= 64
-    const auto second = hn::Combine(half, hn::Load(q, record(k + 12)), hn::Load(q, record(k + 8)));
+    const auto second = hn::Combine(half, hn::LoadU(q, record(k + 12)), hn::LoadU(q, record(k + 8)));
     return hn::Combine(TagOf<float>(), second, first);
 #else
     return first;
@@ -457,25 +485,25 @@ HWY_INLINE Lanes4<double> load_records(Pointer record) {
     for (int k = 0; k < 4; ++k) t[k][lane] = record(lane)[k];
   return {load(t[0]), load(t[1]), load(t[2]), load(t[3])};
 }
-template <typename Real, typename Pointer>
-HWY_INLINE void store_plainly(Pointer record, Lanes4<Real> r) {
+template <int n_numbers, typename Real, typename Pointer>
+HWY_INLINE void store_plainly(Pointer record, const Lanes4<Real>& r) {
   alignas(64) Real t[4][n_lanes<Real>];
   store(t[0], r.a), store(t[1], r.b), store(t[2], r.c), store(t[3], r.d);
   for (int lane = 0; lane < n_lanes<Real>; ++lane)
-    for (int k = 0; k < 4; ++k) record(lane)[k] = t[k][lane];
+    for (int k = 0; k < n_numbers; ++k) record(lane)[k] = t[k][lane];
 }
-template <typename Pointer>
-HWY_INLINE void store_records(Pointer record, Lanes4<double> r) {
-  store_plainly<double>(record, r);
+template <typename Real, typename Pointer>
+HWY_INLINE void store_records(Pointer record, const Lanes4<Real>& r) {
+  store_plainly<4>(record, r);
+}
+template <typename Real, typename Pointer>
+HWY_INLINE void store_threes(Pointer record, const Lanes3<Real>& r) {
+  store_plainly<3>(record, Lanes4<Real>{r.x, r.y, r.z, r.z});
 }
 template <typename PointerA, typename PointerB>
 HWY_INLINE Lanes4<double> load_apart(PointerA a, PointerB b) {
   const Lanes4<double> ra = load_records(a), rb = load_records(b);
   return {ra.a - rb.a, ra.b - rb.b, ra.c - rb.c, ra.d + rb.d};
-}
-template <typename Pointer>
-HWY_INLINE void store_records(Pointer record, Lanes4<float> r) {
-  store_plainly<float>(record, r);
 }
 template <typename Pointer>
 HWY_INLINE Lanes4<float> load_float_records(Pointer record) {
@@ -486,8 +514,8 @@ HWY_INLINE Lanes4<float> load_float_records(Pointer record) {
 }
 template <typename Pointer>
 HWY_INLINE void store_records(Pointer record, Lanes4<float> front, Lanes4<float> back) {
-  store_plainly<float>(record, front);
-  store_plainly<float>([&](int lane) HWY_ATTR { return record(lane) + 4; }, back);
+  store_plainly<4>(record, front);
+  store_plainly<4>([&](int lane) HWY_ATTR { return record(lane) + 4; }, back);
 }
 /// The same for twice as many records, rounded to float when all else is done; and sums of all four numbers.
 template <typename Pointer>

@@ -92,7 +92,7 @@ HWY_INLINE Gap<double> with_square(Gap<double> gap) {
   return gap;
 }
 
-/// Of the pairs from k on, one a lane. Where all radii are the same, only their sum is read.
+/// Of the pairs from k on, one a lane. Where all radii are the same, they are not read.
 template <bool has_rotation, bool is_uniform>
 HWY_INLINE Gap<double> gap_of_pairs(const PairSweep& sweep, std::int64_t k) {
   constexpr int stride = record_size(has_rotation);
@@ -104,7 +104,7 @@ HWY_INLINE Gap<double> gap_of_pairs(const PairSweep& sweep, std::int64_t k) {
   if constexpr (is_uniform) {
     const Lanes4<double> apart = load_apart(at_a, at_b);
     gap.d = apart.xyz();
-    gap.reach = apart.d;
+    gap.reach = sweep.radius + sweep.radius;
   } else {
     const Lanes4<double> a = load_records(at_a), b = load_records(at_b);
     gap.d = a.xyz() - b.xyz();
@@ -123,9 +123,9 @@ inline constexpr int chunk_size = 256;
 struct NearPairs {
   static constexpr int capacity = chunk_size + pair_group;
   int n = 0;
-  std::int32_t pair[capacity], a[capacity], b[capacity];
-  alignas(64) double x[capacity], y[capacity], z[capacity], reach[capacity];  // of their gaps
-  double radius_a[capacity], radius_b[capacity];                              // not where all radii are the same
+  std::int32_t pair[capacity];
+  alignas(64) double x[capacity], y[capacity], z[capacity];  // of their gaps
+  double radius_a[capacity], radius_b[capacity];             // not where all radii are the same
 
   /// Fills the last group of lanes up with the last pair.
   void fill_up(int n_in_group) {
@@ -135,7 +135,7 @@ struct NearPairs {
  private:
   template <typename Function>
   void for_each_column(Function f) {
-    f(pair), f(a), f(b), f(x), f(y), f(z), f(reach), f(radius_a), f(radius_b);
+    f(pair), f(x), f(y), f(z), f(radius_a), f(radius_b);
   }
 };
 
@@ -161,19 +161,17 @@ HWY_INLINE void find_near(const PairSweep& sweep, Range chunk, NearPairs& found)
       const LaneMask<double> taken = reached | lanes_of<double>(anyway >> first);
       store_together(found.x + end, gap.d.x, taken);
       store_together(found.y + end, gap.d.y, taken);
-      store_together(found.z + end, gap.d.z, taken);
+      const int n_taken = store_together(found.z + end, gap.d.z, taken);
       if constexpr (!is_uniform) {
         store_together(found.radius_a + end, gap.radius_a, taken);
         store_together(found.radius_b + end, gap.radius_b, taken);
       }
-      end += store_together(found.reach + end, gap.reach, taken);
+      end += n_taken;
     }
     was_near = static_cast<std::uint16_t>(near);
     alignas(64) std::int32_t pair[pair_group];
     for (int lane = 0; lane < pair_group; ++lane) pair[lane] = static_cast<std::int32_t>(k) + lane;
     store_marked(found.pair + found.n, pair, near | anyway);
-    store_marked(found.a + found.n, sweep.a + k, near | anyway);
-    store_marked(found.b + found.n, sweep.b + k, near | anyway);
     found.n = end;
   }
 }
@@ -183,9 +181,9 @@ HWY_INLINE Gap<Real> gap_of_near(const PairSweep& sweep, const NearPairs& near, 
   const auto in_double = [&](int m) HWY_ATTR {
     Gap<double> gap;
     gap.d = {load(near.x + m), load(near.y + m), load(near.z + m)};
-    gap.reach = load(near.reach + m);
     gap.radius_a = is_uniform ? Lanes<double>(sweep.radius) : load(near.radius_a + m);
     gap.radius_b = is_uniform ? Lanes<double>(sweep.radius) : load(near.radius_b + m);
+    gap.reach = gap.radius_a + gap.radius_b;
     return with_square(gap);
   };
   if constexpr (sizeof(Real) == 8) {
@@ -226,7 +224,7 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
   constexpr bool remembers = has_history(tangential);
   const MemoryColumns columns{remembers, has_ledger, has_further && sweep.rolling == RollingLaw::spring,
                               has_further && has_bond(sweep.cohesion)};
-  const int n_memory = memory_size(has_further && columns.has_further());
+  const int n_memory = memory_size(columns);
   constexpr bool is_spinning = has_rotation && tangential != TangentialLaw::none;
   constexpr bool has_spin_difference = has_further || !is_uniform;
   const double* const records = sweep.records;
@@ -247,20 +245,19 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
   NearPairs near;
   const auto run_law = [&](int first) HWY_ATTR {
     const std::int32_t* const pair = near.pair + first;
-    const std::int32_t* const ia = near.a + first;
-    const std::int32_t* const ib = near.b + first;
     const LaneMask<Real> are_pairs = first_lanes<Real>(near.n - first);
     std::uint8_t species[n_lanes<Real>];
     for (int lane = 0; !is_uniform && sweep.species && lane < n_lanes<Real>; ++lane)
       species[lane] = sweep.species[pair[lane]];
-    const auto at_a = [&](int lane) HWY_ATTR { return records + static_cast<std::int64_t>(ia[lane]) * stride; };
-    const auto at_b = [&](int lane) HWY_ATTR { return records + static_cast<std::int64_t>(ib[lane]) * stride; };
+    const auto at_a = [&](int lane)
+                          HWY_ATTR { return records + static_cast<std::int64_t>(sweep.a[pair[lane]]) * stride; };
+    const auto at_b = [&](int lane)
+                          HWY_ATTR { return records + static_cast<std::int64_t>(sweep.b[pair[lane]]) * stride; };
     const auto a_plus = [&](int offset) HWY_ATTR { return [=](int lane) HWY_ATTR { return at_a(lane) + offset; }; };
     const auto b_plus = [&](int offset) HWY_ATTR { return [=](int lane) HWY_ATTR { return at_b(lane) + offset; }; };
-    const auto number_at = [&](const std::int32_t* i, int offset) HWY_ATTR {  // one over mass or inertia
+    const auto number_at = [&](auto record, int offset) HWY_ATTR {  // one over mass or inertia
       alignas(64) Real values[n_lanes<Real>];
-      for (int lane = 0; lane < n_lanes<Real>; ++lane)
-        values[lane] = static_cast<Real>(records[static_cast<std::int64_t>(i[lane]) * stride + offset]);
+      for (int lane = 0; lane < n_lanes<Real>; ++lane) values[lane] = static_cast<Real>(record(lane)[offset]);
       return scaled(load(values));
     };
 
@@ -328,8 +325,8 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
       if constexpr (has_further) {
         bodies.spin = relative;
         bodies.spin_mobility = mobility;
-        bodies.rolling_mobility = rolling_mobility(gap.radius_a, number_at(ia, 7), number_at(ia, 11)) +
-                                  rolling_mobility(gap.radius_b, number_at(ib, 7), number_at(ib, 11));
+        bodies.rolling_mobility = rolling_mobility(gap.radius_a, number_at(at_a, 7), number_at(at_a, 11)) +
+                                  rolling_mobility(gap.radius_b, number_at(at_b, 7), number_at(at_b, 11));
       }
     }
     if constexpr (!is_uniform) {
@@ -359,8 +356,11 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
 
     if constexpr (remembers) {
       const Lanes3<Real> kept = keep_if(acts, f.h);
-      const Lanes<Real> energy = has_ledger ? keep_if(acts, is_mixed ? f.energy * unit : f.energy) : 0.0;
-      store_records(at_memory(0), Lanes4<Real>{kept.x, kept.y, kept.z, energy});
+      const Lanes<Real> energy = keep_if(acts, is_mixed ? f.energy * unit : f.energy);
+      if constexpr (has_ledger)
+        store_records(at_memory(0), Lanes4<Real>{kept.x, kept.y, kept.z, energy});
+      else
+        store_threes(at_memory(0), kept);
     }
     const Lanes3<Real> force = keep_if(acts, fma(f.normal, m.normal, f.tangential));
     const auto at_slot = [&](int offset) HWY_ATTR {
