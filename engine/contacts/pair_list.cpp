@@ -7,6 +7,7 @@
 #include <limits>
 #include <numeric>
 
+#include "engine/scene/scene.hpp"
 #include "engine/threads.hpp"
 #include "kernels/contact/sweep.hpp"
 #include "kernels/search/row_order.hpp"
@@ -160,6 +161,7 @@ void PairList::build(const Particles& particles, const Cells& cells, const SizeG
     barrier();
     lay_out(place, needs, was_at, carry, thread);
   });
+  check_sizes(threads_);
   n_ring_slots_ = 0;
   for (ThreadPairs& t : threads_) {
     t.ring_slot = n_ring_slots_;
@@ -407,6 +409,20 @@ void PairList::mark_deferred(int thread) {
   for (std::size_t chunk = at(thread); chunk < raw_.size(); chunk += threads_.size())
     for (const FoundPair& pair : raw_[chunk].border)
       std::atomic_ref(is_deferred_[at(pair.i)]).store(1, std::memory_order_relaxed);
+}
+
+void check_sizes(std::span<const ThreadPairs> threads) {
+  std::int64_t n_slots = 0;
+  for (const ThreadPairs& t : threads) {
+    n_slots += std::int64_t{t.ring_mask} + 1;
+    for (const Tile& tile : t.tiles) n_slots += tile.pair_end - tile.kept_begin;
+    constexpr std::int64_t word_bits = 64, most_words = std::int64_t{1} << 26;
+    if (t.grain_end - t.grain_begin + 2 * t.n_pairs / word_bits >= most_words)
+      throw SceneError(
+          {{"particles", "more than about 60 million grains in one thread; use more threads or ranks", false}});
+  }
+  if (n_slots >= std::int64_t{1} << 31)
+    throw SceneError({{"particles", "more than 2^31 pairs of grains in one rank; use more ranks", false}});
 }
 
 std::int64_t PairList::far_begin(const BandBegins& bands, std::int64_t end, double used) {

@@ -156,6 +156,10 @@ struct alignas(64) ThreadPairs {  // threads write their own cache lines
   }
 };
 
+/// Throws SceneError where the places of slots and the bits of acting entries have no room in 32 bits: with more than some 2^31 slots in a rank,
+/// or some 2^26 grains in a thread.
+void check_sizes(std::span<const ThreadPairs> threads);
+
 /// What pairs remember across a rebuild: for each grain, by its place before the rebuild, touching pairs. A pair of two grains of this
 /// rank stands at one of them at least.
 struct PairCarry {

@@ -340,6 +340,30 @@ TEST_CASE("a boulder of ten or a hundred times the size among fines costs no mor
   }
 }
 
+TEST_CASE("more pairs or grains than the places of slots and the marks of entries can tell apart are refused") {
+  const auto refuses = [](std::int32_t n_grains, std::int64_t n_pairs, std::int64_t n_kept, int n_threads) {
+    std::vector<ThreadPairs> threads(static_cast<std::size_t>(n_threads));
+    for (ThreadPairs& t : threads) {
+      t.grain_end = n_grains;
+      t.n_pairs = n_pairs;
+      t.ring_mask = (1u << 20) - 1;
+      t.tiles.emplace_back().pair_end = n_kept;
+    }
+    try {
+      check_sizes(threads);
+    } catch (const SceneError& error) {
+      CHECK(error.problems.front().message.find("use more") != std::string::npos);
+      return true;
+    }
+    return false;
+  };
+  CHECK_FALSE(refuses(50'000'000, 200'000'000, 10'000'000, 8));
+  CHECK(refuses(70'000'000, 200'000'000, 10'000'000, 1));
+  CHECK(refuses(1'000'000, 3'000'000'000, 10'000'000, 1));  // rows of many words
+  CHECK(refuses(10'000'000, 500'000'000, 500'000'000, 5));
+  CHECK_FALSE(refuses(10'000'000, 500'000'000, 500'000'000, 4));
+}
+
 TEST_CASE("what pairs remember follows them through rebuilds, sorting, crossing of faces and changes of thread count") {
   Setting setting;
   setting.domain = {{0, 0, 0}, {0.9, 0.5, 0.25}};

@@ -139,6 +139,12 @@ struct NearPairs {
   }
 };
 
+/// Loads the marks of a group ahead of mark(), which has nothing else to do meanwhile.
+inline void ask_for_marks(const PairSweep& sweep, std::int64_t k) {
+  constexpr std::int64_t of_line = 64 / (2 * sizeof(std::uint32_t));
+  for (std::int64_t pair = k; pair < k + pair_group; pair += of_line) __builtin_prefetch(sweep.marks + 2 * pair);
+}
+
 /// Those that may have a force: that touch, or, with the further laws, are within reach of anything; and those that were so in their last sweep.
 template <bool has_rotation, bool is_uniform, bool has_further>
 HWY_INLINE void find_near(const PairSweep& sweep, Range chunk, NearPairs& found) {
@@ -150,6 +156,7 @@ HWY_INLINE void find_near(const PairSweep& sweep, Range chunk, NearPairs& found)
     const unsigned anyway = sweep.takes_all ? 0xffffu : was_near;
     unsigned near = 0;
     int end = found.n;
+    if (sweep.acting) ask_for_marks(sweep, k);
     for (int first = 0; first < pair_group; first += n) {
       const Gap<double> gap = gap_of_pairs<has_rotation, is_uniform>(sweep, k + first);
       LaneMask<double> reached = gap.touches;
