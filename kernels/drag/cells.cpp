@@ -117,6 +117,15 @@ inline Four interpolate(const Stencils& stencils, const Stencil& s, const double
   return mix(layers[0], layers[n_layers - 1], s.z);
 }
 
+/// Record i, and asks for one that comes later: loops over grains wait for memory more than they compute.
+inline const double* record_and_ask_ahead(const GrainView& grains, std::int64_t i) {
+  constexpr std::int64_t ahead = 24;
+  const double* const later = grains.record(i + ahead);
+  __builtin_prefetch(later);
+  __builtin_prefetch(later + 8);  // a line further
+  return grains.record(i);
+}
+
 inline bool is_here(const double* record) { return record[0] == record[0]; }
 
 inline double volume(double radius) { return four_thirds_pi * radius * radius * radius; }
@@ -167,7 +176,7 @@ GrainExtent extent(const GrainView& grains) {
   GrainExtent all;
   double low[4] = {1e300, 1e300, 1e300, 0.0}, high[4] = {-1e300, -1e300, -1e300, 0.0};
   for (std::int64_t i = grains.range.begin; i < grains.range.end; ++i) {
-    const double* const record = grains.record(i);
+    const double* const record = record_and_ask_ahead(grains, i);
     if (!is_here(record)) continue;
     for (int c = 0; c < 4; ++c) {
       low[c] = std::min(low[c], record[c]);
@@ -185,7 +194,7 @@ void deposit_volume(const GrainView& grains, const CellWeights& weights, const C
                     std::int64_t* cells) {
   const Stencils stencils(weights, window);
   for (std::int64_t i = grains.range.begin; i < grains.range.end; ++i) {
-    const double* const record = grains.record(i);
+    const double* const record = record_and_ask_ahead(grains, i);
     if (!is_here(record)) continue;
     const double scaled = volume(record[3]) * scale;
     spread(stencils, stencils.of(record),
@@ -198,7 +207,7 @@ void gather_slip(const GrainView& grains, const CellWeights& weights, const Cell
   const Stencils stencils(weights, window);
   for (std::int64_t i = grains.range.begin; i < grains.range.end; ++i) {
     const std::int64_t t = i - grains.range.begin;
-    const double* const record = grains.record(i);
+    const double* const record = record_and_ask_ahead(grains, i);
     Four gas{1.0, 0.0, 0.0, 0.0};
     const bool takes_part = is_here(record);
     if (takes_part) gas = interpolate<4>(stencils, stencils.of(record), cells);
@@ -217,7 +226,7 @@ void deposit_exchange(const GrainView& grains, const CellWeights& weights, const
   const Stencils stencils(weights, window);
   const double z_scale = is_flat ? 0.0 : momentum_scale;
   for (std::int64_t i = grains.range.begin; i < grains.range.end; ++i) {
-    const double* const record = grains.record(i);
+    const double* const record = record_and_ask_ahead(grains, i);
     if (!is_here(record)) continue;
     const double c = coefficient[i];
     const Four values = {c * scale, c * record[4] * momentum_scale, c * record[5] * momentum_scale,
@@ -236,7 +245,7 @@ void feel(const GrainView& grains, const CellWeights& weights, const CellWindow&
   const Four buoyancy = {how.buoyancy.x, how.buoyancy.y, how.buoyancy.z, 0.0}, along = {1.0, 1.0, of_z, 0.0};
   FourIntegers drags{};
   for (std::int64_t i = grains.range.begin; i < grains.range.end; ++i) {
-    const double* const record = grains.record(i);
+    const double* const record = record_and_ask_ahead(grains, i);
     double* const a = acceleration + 3 * i;
     if (!is_here(record)) {
       a[0] = a[1] = a[2] = 0.0;
