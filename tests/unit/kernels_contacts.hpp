@@ -124,9 +124,8 @@ struct Pairs {
   const double* record(std::int32_t i) const {
     return records.data() + std::int64_t{i} * record_size(choice.has_rotation);
   }
-  int columns() const {
-    return std::max(3, memory_size(memory_of(choice)));
-  }  // where nothing is remembered, no one asks
+  /// Numbers a pair; some also where nothing is remembered, and no one asks.
+  int columns() const { return std::max(3, memory_size(memory_of(choice))); }
   /// Displacement, stored energy, rolling angle and bond of pair k.
   std::array<double, 8> memory(std::int64_t k) const {
     std::array<double, 8> row{};
