@@ -13,7 +13,7 @@ void add_motion() {
               Bed& b = bed(size, has_rotation);
               const LawChoice choice{NormalLaw::linear, TangentialLaw::spring, has_rotation, true, has_ledger};
               b.restart(choice);
-              b.run(contact_kernels(choice).pairs, b.sweep(choice, false), slot_size(has_rotation, has_ledger));
+              b.run(contact_kernels(choice).pairs, b.sweep(choice, false), slot_bytes(choice));
               const GrainSums sums = b.sums(choice);
               const MotionKernel kernel = motion_kernel(has_rotation, has_ledger);
               measure(state, work_of_motion(b, choice), [&] {

@@ -328,12 +328,12 @@ void Contacts::advance_thread(Particles& particles, const Kick& kick, double dt,
   };
 
   const std::int64_t slot = needs_.slot_size * static_cast<std::int64_t>(number_size(choice_.is_mixed));  // bytes
+  PairSweep kept = sweep;
+  kept.takes_all = choice_.has_ledger;  // what a contact has lost at its end is zero again one step later
   const auto sweep_kept = [&](const Tile& tile, double share) {
     const std::int64_t far = PairList::far_begin(tile.kept_bands, tile.pair_end, share);
-    if (far == tile.kept_begin) return;
-    PairSweep kept = sweep;
-    kept.takes_all = choice_.has_ledger;  // what a contact has lost at its end is zero again one step later
-    note(kernels_.pairs(kept, {tile.kept_begin, far}, pairs_.slots() + tile.kept_slot * slot));
+    if (far > tile.kept_begin)
+      note(kernels_.pairs(kept, {tile.kept_begin, far}, pairs_.slots() + tile.kept_slot * slot));
   };
   const std::size_t n_tiles = mine.tiles.size() - (mine.has_border ? 1 : 0);
   double begin = threads::now();

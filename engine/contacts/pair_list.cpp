@@ -416,8 +416,8 @@ void check_sizes(std::span<const ThreadPairs> threads) {
   for (const ThreadPairs& t : threads) {
     n_slots += std::int64_t{t.ring_mask} + 1;
     for (const Tile& tile : t.tiles) n_slots += tile.pair_end - tile.kept_begin;
-    constexpr std::int64_t word_bits = 64, most_words = std::int64_t{1} << 26;
-    if (t.grain_end - t.grain_begin + 2 * t.n_pairs / word_bits >= most_words)
+    constexpr std::int64_t most_words = (std::int64_t{1} << 32) / bits_of_word;
+    if (t.grain_end - t.grain_begin + 2 * t.n_pairs / bits_of_word >= most_words)
       throw SceneError(
           {{"particles", "more than about 60 million grains in one thread; use more threads or ranks", false}});
   }
@@ -646,9 +646,8 @@ void PairList::index_entries(const Particles& particles, const PairNeeds& needs,
 void PairList::give_marks(int thread) {
   ThreadPairs& mine = threads_[at(thread)];
   const std::int32_t n_grains = mine.grain_end - mine.grain_begin;
-  constexpr std::uint32_t word_bits = 64;
   const auto n_words_of = [&](std::size_t row) {
-    return std::max(1u, (mine.offsets[row + 1] - mine.offsets[row] + word_bits - 1) / word_bits);
+    return std::max(1u, (mine.offsets[row + 1] - mine.offsets[row] + bits_of_word - 1) / bits_of_word);
   };
   mine.first_word.clear();
   auto n_words = static_cast<std::uint32_t>(n_grains);
@@ -662,13 +661,13 @@ void PairList::give_marks(int thread) {
   std::fill(mine.acting.begin(), mine.acting.end(), std::uint64_t{0});
   const std::int64_t n_places = mine.tiles.empty() ? 0 : mine.tiles.back().pair_end;
   mine.marks.resize_discarding(at(2 * n_places));
-  std::fill(mine.marks.begin(), mine.marks.end(), n_words * word_bits);
+  std::fill(mine.marks.begin(), mine.marks.end(), n_words * bits_of_word);
   for (const Tile& tile : mine.tiles)
     for (std::int32_t i = tile.grain_begin; i < tile.grain_end; ++i) {
       if (is_deferred_[at(i)]) continue;
       const std::size_t row = at(i - mine.grain_begin);
       std::uint32_t mark =
-          (mine.first_word.empty() ? static_cast<std::uint32_t>(row) : mine.first_word[row]) * word_bits;
+          (mine.first_word.empty() ? static_cast<std::uint32_t>(row) : mine.first_word[row]) * bits_of_word;
       for (std::uint32_t q = mine.offsets[row]; q < mine.offsets[row + 1]; ++q, ++mark) {
         const Entry entry = mine.entries[q];
         const std::int64_t k = is_in_ring(entry) ? mine.pair_in_ring(i, entry >> 1) : mine.pair_of_kept(entry >> 1);

@@ -80,7 +80,7 @@ struct alignas(64) ThreadPairs {  // threads write their own cache lines
   // Which of its entries a grain that is not deferred has to sum in this step: a bit of each, from a word of its own on.
   AlignedArray<std::uint64_t> acting;     // and a last word that no one reads
   std::vector<std::uint32_t> first_word;  // of each grain, and the end; empty where each has one
-  AlignedArray<std::uint32_t> marks;      // of each pair, for a and for b: word << 6 | bit
+  AlignedArray<std::uint32_t> marks;      // of each pair, for a and for b, as in PairSweep
   std::uint32_t ring_slot = 0;  // place of the ring among the slots: that of pair k's is ring_slot + (k & ring_mask)
   std::uint32_t ring_mask = 0;
   bool has_border = false;          // the last tile holds the border pairs

@@ -103,7 +103,7 @@ constexpr double most_steps = 1e15;  // of a run
 /// The program itself and its libraries, one rank [bytes].
 constexpr double bytes_of_program = 2.9e7;
 
-/// Bytes a grain: record, gid, material, place at the last rebuild, pairs with memory and entries, scratch of a rebuild.
+/// Bytes a grain: record, gid, material, place at the last rebuild, pairs with memory, entries and marks, scratch of a rebuild.
 double bytes_per_grain(const Scene& scene) {
   const bool remembers = has_history(scene.contact.tangential);
   const double record = 8.0 * record_size(scene.contact.rotation);

@@ -47,6 +47,9 @@ constexpr MemoryColumns memory_of(const LawChoice& choice) {
 /// Doubles in a grain's record (see engine/particles/fields.hpp).
 constexpr int record_size(bool has_rotation) { return has_rotation ? 12 : 8; }
 
+/// Bits of a word in which a grain sees which of its pairs to sum.
+inline constexpr std::uint32_t bits_of_word = 64;
+
 struct PairSweep {
   const double* records = nullptr;        // of all grains and the dummy, which lies nowhere (NaN)
   const std::int32_t* a = nullptr;        // grain of lower gid
@@ -58,7 +61,7 @@ struct PairSweep {
       nullptr;  // what pairs remember, memory_size() numbers each: doubles, with mixed precision floats [SI]
   std::uint16_t* was_near = nullptr;  // a bit of each pair, a word of each group: it was near in its last sweep. Others
                                       // remember nothing
-  const std::uint32_t* marks = nullptr;  // of each pair, for a and for b: word << 6 | bit ...
+  const std::uint32_t* marks = nullptr;  // of each pair, for a and for b: bits_of_word * word + bit ...
   std::uint64_t* acting =
       nullptr;             // ... of the words in which grains see which of their pairs to sum; nullptr: no one asks
   bool takes_all = false;  // the law is run over all pairs, near or not

@@ -47,7 +47,7 @@ HWY_INLINE Sum sum_of_contacts(const GrainSums& sums, std::int32_t i, std::int64
     const Entry* entries = sums.entries + sums.offsets[row];
     const std::uint32_t begin = sums.first_word ? sums.first_word[row] : static_cast<std::uint32_t>(row);
     const std::uint32_t end = sums.first_word ? sums.first_word[row + 1] : begin + 1;
-    for (std::uint32_t word = begin; word < end; ++word, entries += 64) {
+    for (std::uint32_t word = begin; word < end; ++word, entries += bits_of_word) {
       for (std::uint64_t rest = sums.acting[word]; rest != 0; rest &= rest - 1) add(entries[__builtin_ctzll(rest)]);
       sums.acting[word] = 0;
     }

@@ -102,12 +102,16 @@ HWY_INLINE unsigned bits(LaneMask<Real> m) {
   hn::StoreMaskBits(TagOf<Real>(), m.m, bytes);
   return bytes[0] | static_cast<unsigned>(bytes[1]) << 8;
 }
-/// The lanes whose bits are set, lane 0 lowest; further bits do not matter.
+/// Of a vector of up to 16 numbers those whose bits are set, the lowest for the first; further bits do not matter.
+template <typename Tag>
+HWY_INLINE hn::Mask<Tag> mask_of_bits(Tag tag, unsigned bits) {
+  const unsigned own = bits & ((1u << hn::Lanes(tag)) - 1u);
+  const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(own), static_cast<std::uint8_t>(own >> 8)};
+  return hn::LoadMaskBits(tag, bytes);
+}
 template <typename Real>
 HWY_INLINE LaneMask<Real> lanes_of(unsigned bits) {
-  const unsigned own = bits & ((1u << n_lanes<Real>)-1u);
-  const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(own), static_cast<std::uint8_t>(own >> 8)};
-  return {hn::LoadMaskBits(TagOf<Real>(), bytes)};
+  return {mask_of_bits(TagOf<Real>(), bits)};
 }
 /// first, first + 1, ... in the lanes.
 template <typename Real>
@@ -146,9 +150,7 @@ HWY_INLINE void store_marked(std::int32_t* p, const std::int32_t* numbers, unsig
   const hn::CappedTag<std::int32_t, 16> tag;
   const int n = static_cast<int>(hn::Lanes(tag));
   for (int first = 0; first < 16; first += n) {
-    const unsigned own = n < 16 ? bits >> first & ((1u << n) - 1u) : bits;
-    const std::uint8_t bytes[8] = {static_cast<std::uint8_t>(own), static_cast<std::uint8_t>(own >> 8)};
-    const auto mask = hn::LoadMaskBits(tag, bytes);
+    const auto mask = mask_of_bits(tag, bits >> first);
     compress_to(p, hn::LoadU(tag, numbers + first), mask, tag);
     p += hn::CountTrue(tag, mask);
   }
@@ -300,9 +302,18 @@ HWY_INLINE Lanes<double> load_row(Pointer record, int k) {
   return hn::LoadU(TagOf<double>(), record(k));
 #endif
 }
+/// The same of floats: the record of lane k, those of k + 4, and in vectors of sixteen k + 8 and k + 12.
 template <typename Pointer>
-HWY_INLINE Lanes4<double> load_rows(Pointer record) {
-  return {load_row(record, 0), load_row(record, 1), load_row(record, 2), load_row(record, 3)};
+HWY_INLINE Lanes<float> load_float_row(Pointer record, int k) {
+  const hn::FixedTag<float, 4> q;
+  const hn::FixedTag<float, 8> half;
+  const auto first = hn::Combine(half, hn::LoadU(q, record(k + 4)), hn::LoadU(q, record(k)));
+#if HWY_MAX_BYTES >= 64
+  const auto second = hn::Combine(half, hn::LoadU(q, record(k + 12)), hn::LoadU(q, record(k + 8)));
+  return hn::Combine(TagOf<float>(), second, first);
+#else
+  return first;
+#endif
 }
 
 /// Calls put(four numbers, where) for every row.
@@ -339,10 +350,16 @@ HWY_INLINE void each_row(Pointer record, Lanes4<float> r, Function put) {
   }
 }
 
-/// Records at record(lane), four doubles each, as four vectors.
-template <typename Pointer>
-HWY_INLINE Lanes4<double> load_records(Pointer record) {
-  Lanes4<double> r = load_rows(record);
+/// Records at record(lane), four numbers each, as four vectors.
+template <typename Real = double, typename Pointer>
+HWY_INLINE Lanes4<Real> load_records(Pointer record) {
+  const auto row = [&](int k) HWY_ATTR {
+    if constexpr (sizeof(Real) == 8)
+      return load_row(record, k);
+    else
+      return load_float_row(record, k);
+  };
+  Lanes4<Real> r{row(0), row(1), row(2), row(3)};
   transpose(r);
   return r;
 }
@@ -391,24 +408,6 @@ HWY_INLINE Lanes4<float> load_narrowed_apart(PointerA a, PointerB b) {
 template <typename PointerA, typename PointerB>
 HWY_INLINE Lanes4<float> load_narrowed_sum(PointerA a, PointerB b) {
   return narrowed_rows([&](int k) HWY_ATTR { return load_row(a, k) + load_row(b, k); });
-}
-/// Records of four floats.
-template <typename Pointer>
-HWY_INLINE Lanes4<float> load_float_records(Pointer record) {
-  const hn::FixedTag<float, 4> q;
-  const auto row = [&](int k) HWY_ATTR {
-    const hn::FixedTag<float, 8> half;
-    const auto first = hn::Combine(half, hn::LoadU(q, record(k + 4)), hn::LoadU(q, record(k)));
-#if HWY_MAX_BYTES >= 64
-    const auto second = hn::Combine(half, hn::LoadU(q, record(k + 12)), hn::LoadU(q, record(k + 8)));
-    return hn::Combine(TagOf<float>(), second, first);
-#else
-    return first;
-#endif
-  };
-  Lanes4<float> r{row(0), row(1), row(2), row(3)};
-  transpose(r);
-  return r;
 }
 /// Records of eight floats: those of both.
 template <typename Pointer>
@@ -478,10 +477,10 @@ HWY_INLINE Quad where_number(Quad x, Quad a) {
 }
 HWY_INLINE bool any_set(Quad seen) { return seen.v[0] != 0 || seen.v[1] != 0 || seen.v[2] != 0 || seen.v[3] != 0; }
 
-template <typename Pointer>
-HWY_INLINE Lanes4<double> load_records(Pointer record) {
-  alignas(64) double t[4][n_lanes<double>];
-  for (int lane = 0; lane < n_lanes<double>; ++lane)
+template <typename Real = double, typename Pointer>
+HWY_INLINE Lanes4<Real> load_records(Pointer record) {
+  alignas(64) Real t[4][n_lanes<Real>];
+  for (int lane = 0; lane < n_lanes<Real>; ++lane)
     for (int k = 0; k < 4; ++k) t[k][lane] = record(lane)[k];
   return {load(t[0]), load(t[1]), load(t[2]), load(t[3])};
 }
@@ -504,13 +503,6 @@ template <typename PointerA, typename PointerB>
 HWY_INLINE Lanes4<double> load_apart(PointerA a, PointerB b) {
   const Lanes4<double> ra = load_records(a), rb = load_records(b);
   return {ra.a - rb.a, ra.b - rb.b, ra.c - rb.c, ra.d + rb.d};
-}
-template <typename Pointer>
-HWY_INLINE Lanes4<float> load_float_records(Pointer record) {
-  alignas(64) float t[4][n_lanes<float>];
-  for (int lane = 0; lane < n_lanes<float>; ++lane)
-    for (int k = 0; k < 4; ++k) t[k][lane] = record(lane)[k];
-  return {load(t[0]), load(t[1]), load(t[2]), load(t[3])};
 }
 template <typename Pointer>
 HWY_INLINE void store_records(Pointer record, Lanes4<float> front, Lanes4<float> back) {

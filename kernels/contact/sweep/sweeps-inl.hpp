@@ -72,8 +72,7 @@ HWY_INLINE auto in_double(Function f) {
 template <typename Real>
 struct Gap {
   Lanes3<Real> d;  // x_a - x_b [m]
-  Lanes<Real> reach, radius_a, radius_b;
-  Lanes<Real> square;
+  Lanes<Real> square, reach, radius_a, radius_b;
   Lanes<Real> excess;  // reach^2 - d^2 (mixed precision)
   LaneMask<Real> touches;
 
@@ -185,7 +184,7 @@ HWY_INLINE void find_near(const PairSweep& sweep, Range chunk, NearPairs& found)
 
 template <typename Real, bool is_uniform>
 HWY_INLINE Gap<Real> gap_of_near(const PairSweep& sweep, const NearPairs& near, int first) {
-  const auto in_double = [&](int m) HWY_ATTR {
+  const auto gap_from = [&](int m) HWY_ATTR {
     Gap<double> gap;
     gap.d = {load(near.x + m), load(near.y + m), load(near.z + m)};
     gap.radius_a = is_uniform ? Lanes<double>(sweep.radius) : load(near.radius_a + m);
@@ -194,9 +193,9 @@ HWY_INLINE Gap<Real> gap_of_near(const PairSweep& sweep, const NearPairs& near, 
     return with_square(gap);
   };
   if constexpr (sizeof(Real) == 8) {
-    return in_double(first);
+    return gap_from(first);
   } else {
-    const Gap<double> one = in_double(first), two = in_double(first + n_lanes<double>);
+    const Gap<double> one = gap_from(first), two = gap_from(first + n_lanes<double>);
     const auto excess = [](const Gap<double>& half) HWY_ATTR { return half.reach * half.reach - half.square; };
     Gap<Real> gap;
     gap.d = narrowed(one.d, two.d);
@@ -214,13 +213,10 @@ HWY_INLINE Gap<Real> gap_of_near(const PairSweep& sweep, const NearPairs& near, 
 inline void mark(const PairSweep& sweep, const NearPairs& near) {
   for (int m = 0; m < near.n; ++m) {
     const std::uint32_t* const of_pair = sweep.marks + 2 * std::int64_t{near.pair[m]};
-    sweep.acting[of_pair[0] >> 6] |= std::uint64_t{1} << (of_pair[0] & 63);
-    sweep.acting[of_pair[1] >> 6] |= std::uint64_t{1} << (of_pair[1] & 63);
+    for (const std::uint32_t mark : {of_pair[0], of_pair[1]})
+      sweep.acting[mark / bits_of_word] |= std::uint64_t{1} << mark % bits_of_word;
   }
 }
-
-HWY_INLINE Lanes4<double> load_memory(Lanes<double>, auto record) { return load_records(record); }
-HWY_INLINE Lanes4<float> load_memory(Lanes<float>, auto record) { return load_float_records(record); }
 
 template <NormalLaw normal, TangentialLaw tangential, bool has_rotation, bool is_uniform, bool has_ledger,
           bool has_further, typename Real>
@@ -276,7 +272,7 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
     LaneMask<Real> reached = touches, was_bound = touches;
     Lanes4<Real> rolled{Real{0}, Real{0}, Real{0}, Real{0}};  // rolling angle, bond
     if constexpr (has_further) {
-      if (columns.has_further()) rolled = load_memory(Lanes<Real>(), at_memory(angle_in_memory));
+      if (columns.has_further()) rolled = load_records<Real>(at_memory(angle_in_memory));
       if (columns.has_bond) was_bound = rolled.d > 0.0;
       const Lanes<Real> widest = gap.reach + sweep.range;
       reached = reached | (gap.square < widest * widest);
@@ -342,7 +338,7 @@ SweepResult sweep_pairs(const PairSweep& sweep, Range pairs, void* slots_of_pair
     }
     Lanes4<Real> h{};
     if constexpr (remembers) {
-      h = load_memory(Lanes<Real>(), at_memory(0));
+      h = load_records<Real>(at_memory(0));
       if constexpr (has_ledger && is_mixed) h.d = h.d * in_units;
     }
     ContactForce<Real> f;
